@@ -44,6 +44,8 @@ TESTS = {
     "inference/judgement/assumptions": "assumptions",
     "inference/judgement/adequacy": "adequacy",
     "inference/judgement/patterns": "adequacy",
+    "inference/judgement/residuals": "adequacy",
+    "inference/judgement/noise_tests": "adequacy",
     "inference/search": "search least_squares",
     "inference/sampling": "sampling importance",
     "inference/predictive": "predictive",

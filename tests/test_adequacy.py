@@ -15,8 +15,11 @@ from support.misread import TENNIS, bounce
 from fitball.data.table import ImpactTable
 from fitball.inference.judgement import adequacy as module
 from fitball.inference.judgement import first_order as thinning
-from fitball.inference.judgement.adequacy import EXCEPT, adequacy, farthest
+from fitball.inference.judgement import residuals
+from fitball.inference.judgement.adequacy import adequacy
 from fitball.inference.judgement.first_order import first_order
+from fitball.inference.judgement.noise_tests import farthest
+from fitball.inference.judgement.residuals import OBJECTION_CHANCE, PatternTest
 from fitball.inference.search.objective import Objective, descend
 
 START = {
@@ -202,7 +205,7 @@ def test_false_alarms_of_a_linear_model_are_rarer_than_promised():
         alarms += alarm(clean)
         if k < 40:
             detected += alarm(clean + bias)
-    assert 1 <= alarms <= stats.binom.ppf(0.999, 400, EXCEPT)
+    assert 1 <= alarms <= stats.binom.ppf(0.999, 400, OBJECTION_CHANCE)
     assert detected >= 20
 
 
@@ -240,7 +243,7 @@ def test_growth_is_a_likelihood_ratio():
     best = max(map(log_likelihood, np.linspace(-4.0, 4.0, 1601)))
     ratio = 2.0 * (best - log_likelihood(0.0))
     chance = stats.chi2.sf(ratio * freedom.mean(), 1)
-    chance *= module._times(result.tests, "growth")
+    chance *= module._chance_factor(result.tests, "growth")
     (growth,) = of_kind(result.tests, "growth")
     assert growth.found
     assert growth.p == pytest.approx(chance, rel=1e-2)
@@ -272,7 +275,7 @@ def test_what_is_far_off_is_judged_by_a_fit_to_all_others():
         shares.append(1.0 - others / squares(farthest_first))
     freedom_of_column = float(freedom[:24].sum())
     _, chance = farthest(np.array(shares), 24, freedom_of_column)
-    chance *= module._times(tests, "outlier")
+    chance *= module._chance_factor(tests, "outlier")
     assert outlier.found
     assert outlier.p == pytest.approx(chance, rel=0.02)
 
@@ -510,13 +513,13 @@ def test_long_tables_are_tested_thinned(monkeypatch):
     assert len(first.residual) == 1800
     assert result.answer == "describes except"
     assert result.moved["cor_10"] > 2.0
-    monkeypatch.setattr(module, "SMALL", 2.0)
+    monkeypatch.setattr(residuals, "SMALLEST_PATTERN", 2.0)
     fine = adequacy_of(table)
     assert fine.answer == "describes"
     assert fine.moved == result.moved
 
 
 def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):
-    monkeypatch.setattr(module, "SHARES", dict.fromkeys("abcdefghij", 0.1))
-    looks = [module._Look(kind, "", "", 0.5) for kind in module.SHARES]
-    assert module._times(looks, "a") == module.OF_PATTERNS / 0.1
+    monkeypatch.setattr(module, "KIND_SHARES", dict.fromkeys("abcdefghij", 0.1))
+    tests = [PatternTest(kind, "", "", 0.5) for kind in module.KIND_SHARES]
+    assert module._chance_factor(tests, "a") == module.PATTERN_FACTOR / 0.1

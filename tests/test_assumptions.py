@@ -15,7 +15,11 @@ from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.inference.density import log_posterior, pointwise
 from fitball.inference.derived import Quantity
 from fitball.inference.judgement import assumptions as module
-from fitball.inference.judgement.assumptions import alternatives, given, left_out
+from fitball.inference.judgement.assumptions import (
+    alternatives,
+    leave_one_out_density,
+    what_values_rest_on,
+)
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.problem.build import build_problem
@@ -105,7 +109,7 @@ def test_a_score_is_that_of_real_refits():
         fix={**NOISE, "mu": 0.56},
     )
     x = best(problem)
-    scores = left_out(problem, proposal(problem, x))
+    scores = leave_one_out_density(problem, proposal(problem, x))
     exact = np.empty(8)
     rng = np.random.default_rng(1)
     for k in range(8):
@@ -266,7 +270,7 @@ def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
         heavy_tails = heavy_tails_of(problem)
         assert bool(heavy_tails.reason) == (reliable < 0.0)
         assert bool(heavy_tails.summaries) != bool(heavy_tails.reason)
-    assert given((heavy_tails,), (), fit) == dict.fromkeys(problem.free, ("model",))
+    assert what_values_rest_on((heavy_tails,), (), fit) == dict.fromkeys(problem.free, ("model",))
 
 
 def test_what_a_value_is_given():
@@ -298,9 +302,9 @@ def test_what_a_value_is_given():
         Constant("radius", 0.0, 1.0, {"mu": -3.0, "e_x": 0.9}),
         Constant("mass", 0.0, 1.0, {"mu": 0.2}),
     )
-    assert given(results, held, fit) == {"mu": ("a=1", "c=1", "radius")}
+    assert what_values_rest_on(results, held, fit) == {"mu": ("a=1", "c=1", "radius")}
     missing = alternative("f=2", "f=1", reason="no answer")
-    assert given((*results, missing), held, fit) == {
+    assert what_values_rest_on((*results, missing), held, fit) == {
         "mu": ("a=1", "c=1", "radius", "model"),
         "e_x": ("model",),
     }
@@ -313,4 +317,4 @@ def test_a_model_without_choices_is_an_assumption_of_all_values():
     results, _ = alternatives(problem, point, np.random.default_rng(1))
     far = (np.inf, -np.inf, -np.inf, np.inf, np.inf)
     fit = {name: Summary(values[name], values[name], *far) for name in problem.free}
-    assert given(results, (), fit) == dict.fromkeys(problem.free, ("model",))
+    assert what_values_rest_on(results, (), fit) == dict.fromkeys(problem.free, ("model",))

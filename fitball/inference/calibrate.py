@@ -16,7 +16,7 @@ from fitball.inference.assemble import estimates, headline, notes_of_best_outsid
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted, draws_of, run_of
 from fitball.inference.judgement.adequacy import adequacy
-from fitball.inference.judgement.assumptions import alternatives, given
+from fitball.inference.judgement.assumptions import alternatives, what_values_rest_on
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.judgement.profile import profiles
@@ -93,7 +93,7 @@ def _calibrate(
         names = {parameter.spec.name for parameter in problem.parameters}
         sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
         within = judge(problem, point, first, profiled, derived)
-        judged = qualified(within, tested, given(tried, sure, fitted))
+        judged = qualified(within, tested, what_values_rest_on(tried, sure, fitted))
         squares = least_squares(problem, point)
         draws = draws_of(problem, point, posterior, effort)
         parameters, following = estimates(problem, draws, judged)

@@ -25,17 +25,17 @@ REMEDIES = {
     "camera": "state it in [camera] of the scene, with its sd, and it is fitted",
 }
 # Patterns that a sentence names, the surest: `tests` of the fit has all of them.
-NAMED = 3
+NAMED_PATTERNS = 3
 # Impacts that a sentence names: with more of them it would no longer be read.
-IDS = 6
+NAMED_IMPACTS = 6
 # Sds by which a misfit moves a parameter, for it to be mentioned: no usual interval is as wide.
-FAR = 5.0
+MENTIONED_SHIFT = 5.0
 # Settings of the camera that are ratios near 1: what they differ by begins at the third digit.
-RATIOS = ("scale", "clock")
+RATIO_SETTINGS = ("scale", "clock")
 # Digits of such a ratio: thousandths of it matter.
 DIGITS_OF_RATIO = 4
 # Digits of any other number: residuals of some tens of impacts tell no more.
-DIGITS = 2
+DIGITS_OF_NUMBER = 2
 # The answers, as sentences begin with them.
 _HEADS: Mapping[Answer, str] = {
     "describes": "The model describes the data",
@@ -55,9 +55,9 @@ def described(
     a model that describes the data are far below the noise.
     """
     found = [f"residuals of {_noise(check)}" for check in noise if check.found]
-    found += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED]]
-    if len(tests) > NAMED:
-        found.append(f"{len(tests) - NAMED} more")
+    found += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED_PATTERNS]]
+    if len(tests) > NAMED_PATTERNS:
+        found.append(f"{len(tests) - NAMED_PATTERNS} more")
     head = _HEADS[answer]
     text = "; ".join(found)
     if answer == "describes":
@@ -66,7 +66,7 @@ def described(
     else:
         text = f"{head}: {text}."
     name = max(moved, key=lambda name: moved[name], default="")
-    if name and moved[name] >= FAR:
+    if name and moved[name] >= MENTIONED_SHIFT:
         shift = f"{moved[name]:.0f} of its sds, which no interval includes"
         text += f" The misfit shifts {name} by {shift}."
     return text
@@ -113,10 +113,10 @@ def noises(noise: Sequence[NoiseCheck]) -> str:
 def _noise(check: NoiseCheck) -> str:
     """The size of a column's residuals beside the noise that was stated or expected."""
     unit = COLUMNS[check.column].display_unit
-    size = unit.with_unit(unit.number(check.size, DIGITS))
-    reference = unit.with_unit(unit.number(check.reference, DIGITS))
+    size = unit.with_unit(unit.number(check.size, DIGITS_OF_NUMBER))
+    reference = unit.with_unit(unit.number(check.reference, DIGITS_OF_NUMBER))
     kind = "stated" if check.stated else "expected"
-    ratio = PLAIN.number(check.size / check.reference, DIGITS)
+    ratio = PLAIN.number(check.size / check.reference, DIGITS_OF_NUMBER)
     beyond = " beyond its stated errors" if check.beyond else ""
     return f"{check.column} {size}{beyond}, {ratio} × the {kind} {reference}"
 
@@ -131,11 +131,11 @@ def _share(explained: float) -> str:
 def outliers(column: str, ids: Sequence[str]) -> str:
     """The impacts of a column that are far off."""
     noun = "impacts" if len(ids) > 1 else "impact"
-    return f"{column}: {noun} {listed(ids, most=IDS)} far off"
+    return f"{column}: {noun} {listed(ids, most=NAMED_IMPACTS)} far off"
 
 
 def camera(key: str, value: float) -> str:
     """A setting of the camera that would explain residuals."""
     unit = CAMERA_SPECS[key].display_unit
-    digits = DIGITS_OF_RATIO if key in RATIOS else DIGITS
+    digits = DIGITS_OF_RATIO if key in RATIO_SETTINGS else DIGITS_OF_NUMBER
     return f"{key} of the camera as if {unit.with_unit(unit.number(value, digits))}"

@@ -29,47 +29,47 @@ from fitball.models.registry import model as model_of
 from fitball.models.registry import option_variants
 
 # Impacts below which a score means nothing: of five its standard error is known to a third only.
-FEW = 6
+LEAST_SCORED_IMPACTS = 6
 # Standard errors from which a difference of scores is sure.
-SURE_ERRORS = 2.0
+WORSE_BY_ERRORS = 2.0
 # Size from which a difference of scores is sure: on few observations the standard error is too
 # small (Sivula et al. 2020).
-SURE_SIZE = 4.0
+WORSE_BY_SCORE = 4.0
 # Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
-MOVED = 2.0
+SHIFT_BY_CHOICE = 2.0
 # Sds by which a value moves that rests on a constant over half of its range: then a 95 % interval
 # holds 92 %.
-MOVED_BY_CONSTANT = 1.0
+SHIFT_BY_CONSTANT = 1.0
 # Optima of the fit from which each alternative is searched: the best may be another there.
-FOLLOWED = 2
+FOLLOWED_OPTIMA = 2
 # Quantiles of the priors of what is new in an alternative, from which it is searched: the median
 # and one sd to either side.
-QUANTILES = (0.16, 0.5, 0.84)
+NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 # Gain promised by a step from which first searches end: they show where to look further.
-ROUGH = 1e-2
+ROUGH_GAIN = 1e-2
 # Gain promised by a step from which last searches end: far below a difference of scores that
 # matters.
-FINE = 1e-4
+FINE_GAIN = 1e-4
 # Draws about the best of the first searches at which the density is looked at: some lie beyond the
 # kinks that stop a search.
-AROUND = 300
+DRAWS_AROUND = 300
 # The highest of these draws, from which is searched again: if one of them leads no further,
 # another may.
-AGAIN = 3
+SEARCHES_AGAIN = 3
 # Draws at which it is seen whether a choice acts at all: one that acts at none of them acts nowhere
 # that matters.
-PROBES = 20
+PROBE_DRAWS = 20
 # Effective draws of an alternative: its median is then known to 0.06 sds, and the ends of its
 # interval to 0.15.
-EFFECTIVE = 700.0
+EFFECTIVE_DRAWS = 700.0
 # Draws of equal weight by which an alternative is summarised: more than are effective, so that
 # resampling adds little to the error.
-DRAWS = 1000
+RESAMPLED_DRAWS = 1000
 # What all values rest on where a choice could not be tried.
-MODEL = "model"
+UNTRIED_MODEL = "model"
 
 
-class _Fitted(NamedTuple):
+class _FittedVariant(NamedTuple):
     """A problem, its maximum (free,), a proposal about it, and the log density (impacts,) of each
     impact left out.
     """
@@ -95,18 +95,18 @@ def alternatives(
     model = problem.forward.model
     rows = evenly_spread(count, ALTERNATIVE_ROWS)
     x = problem.coordinates(point.optima[0])
-    base = _fitted(problem.on_rows(rows), x[None], rng)
+    base = _fit_variant(problem.on_rows(rows), x[None], rng)
     wider = np.ones(x.size)
     if count > len(rows):
         sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
         wider = sd_of_all / np.linalg.norm(base.about.factor, axis=1)
     moves = np.stack([x - base.best, wider], axis=1)
     to_all = dict(zip(problem.free, moves, strict=True))
-    here = _compared("", "", base, base, to_all, rng)
-    probes = np.vstack([base.best, _draws(base.problem, base.about, rng, PROBES)])
+    here = _compare("", "", base, base, to_all, rng)
+    probes = np.vstack([base.best, _draws_about(base.problem, base.about, rng, PROBE_DRAWS)])
     density = log_posterior(base.problem, probes)
     tried = []
-    for choice, instead_of, choices, changed in _changes(problem):
+    for choice, instead_of, choices, changed in _single_changes(problem):
         try:
             posed = build_problem(
                 problem.table,
@@ -119,17 +119,17 @@ def alternatives(
             same_names = posed.free == problem.free
             if same_names and np.array_equal(log_posterior(posed, probes), density):
                 continue
-            there = _fitted(posed, _starts(posed, point), rng)
-            tried.append(_compared(choice, instead_of, base, there, to_all, rng))
+            there = _fit_variant(posed, _search_starts(posed, point), rng)
+            tried.append(_compare(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
-            tried.append(_untried(choice, instead_of, changed, str(error)))
+            tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
     if not option_variants(model):
         reason = "the model has no choices that could be changed"
-        tried.append(_untried(MODEL, model.text, model, reason))
+        tried.append(_untried_alternative(UNTRIED_MODEL, model.text, model, reason))
     return tuple(tried), dict(here.summaries)
 
 
-def _untried(choice: str, instead_of: str, model: Model, reason: str) -> Alternative:
+def _untried_alternative(choice: str, instead_of: str, model: Model, reason: str) -> Alternative:
     """An alternative without an answer, for the reason given."""
     return Alternative(
         choice,
@@ -144,7 +144,7 @@ def _untried(choice: str, instead_of: str, model: Model, reason: str) -> Alterna
     )
 
 
-def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
+def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
     """Name, what it replaces, choices and model of each single change."""
     model = problem.forward.model
     noise = problem.forward.noise
@@ -168,13 +168,13 @@ def _changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
             yield f"noise={kind}", f"noise={noise.name}", changed, model
 
 
-def _starts(posed: Problem, point: PointFit) -> FloatArray:
+def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
     """Coordinates (starts, free): the fit's best optima, what is new at quantiles of its prior; and
     the same with friction so high that all grips.
     """
-    levels = np.array(QUANTILES)
+    levels = np.array(NEW_PRIOR_QUANTILES)
     blocks = []
-    for values in point.optima[:FOLLOWED]:
+    for values in point.optima[:FOLLOWED_OPTIMA]:
         block = np.empty((levels.size, len(posed.free)))
         for k, item in enumerate(posed.prior.parameters):
             name = posed.free[k]
@@ -188,31 +188,33 @@ def _starts(posed: Problem, point: PointFit) -> FloatArray:
     return np.unique(np.concatenate([starts, gripped]), axis=0)
 
 
-def _draws(problem: Problem, about: Student, rng: np.random.Generator, count: int) -> FloatArray:
+def _draws_about(
+    problem: Problem, about: Student, rng: np.random.Generator, count: int
+) -> FloatArray:
     """Coordinates (count, free) about a maximum, within the bounds, at which a scatter may lie."""
     prior = problem.prior
     return np.clip(about.draw(rng, count), prior.low, prior.high)
 
 
-def _fitted(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> _Fitted:
+def _fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> _FittedVariant:
     """The best that searches from `starts` (starts, free) reach, and those from the best of many
     places about that: kinks of the density stop a search. Raises FitError (`no-answer`).
     """
-    x, cost, _ = descend(Objective(problem), starts, ROUGH)
+    x, cost, _ = descend(Objective(problem), starts, ROUGH_GAIN)
     if not np.isfinite(cost.min()):
         text = f"no search of {problem.forward.model.text} found parameters with an answer"
         raise FitError(text, "no-answer")
     best = x[np.argmin(cost)]
-    around = _draws(problem, proposal(problem, best), rng, AROUND)
+    around = _draws_about(problem, proposal(problem, best), rng, DRAWS_AROUND)
     order = np.argsort(-log_posterior(problem, around), kind="stable")
-    again = np.vstack([best, around[order[:AGAIN]]])
-    x, cost, _ = descend(Objective(problem), again, FINE)
+    again = np.vstack([best, around[order[:SEARCHES_AGAIN]]])
+    x, cost, _ = descend(Objective(problem), again, FINE_GAIN)
     best = x[np.argmin(cost)]
     about = proposal(problem, best)
-    return _Fitted(problem, best, about, left_out(problem, about))
+    return _FittedVariant(problem, best, about, leave_one_out_density(problem, about))
 
 
-def left_out(problem: Problem, about: Student) -> FloatArray:
+def leave_one_out_density(problem: Problem, about: Student) -> FloatArray:
     """Log predictive density (impacts,) of each impact from all others, to first order.
 
     With slopes K of its residuals, gradient g of its log density and covariance C, without it the
@@ -247,11 +249,11 @@ def left_out(problem: Problem, about: Student) -> FloatArray:
     return np.asarray(density - fall)
 
 
-def _compared(
+def _compare(
     choice: str,
     instead_of: str,
-    base: _Fitted,
-    there: _Fitted,
+    base: _FittedVariant,
+    there: _FittedVariant,
     to_all: Mapping[str, FloatArray],
     rng: np.random.Generator,
 ) -> Alternative:
@@ -266,7 +268,7 @@ def _compared(
         lambda q: log_posterior(posed, q),
         [there.about],
         rng,
-        EFFECTIVE,
+        EFFECTIVE_DRAWS,
     )
     if not len(x):
         text = f"{posed.forward.model.text} has no answer about its best values"
@@ -275,7 +277,7 @@ def _compared(
         text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE_K}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
     weights = np.exp(pareto_smoothed(log_weights, 1.0)[0])
-    x = x[systematic(weights, DRAWS, rng.uniform())]
+    x = x[systematic(weights, RESAMPLED_DRAWS, rng.uniform())]
     # What is new is where it is, and as wide, on the part.
     move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
     deviation = np.vstack([there.best, x]) - there.best
@@ -284,10 +286,10 @@ def _compared(
     gaps = there.scores - base.scores
     score = None
     error = 0.0
-    if count >= FEW:
+    if count >= LEAST_SCORED_IMPACTS:
         score = float(gaps.sum())
         error = float(np.sqrt(count) * np.std(gaps, ddof=1))
-    worse = score is not None and -score > max(SURE_ERRORS * error, SURE_SIZE)
+    worse = score is not None and -score > max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
     values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
     alike = posed.forward.noise.name == base.problem.forward.noise.name
     return Alternative(
@@ -314,7 +316,7 @@ def _summaries(problem: Problem, q: FloatArray, alike: bool) -> dict[str, Summar
     return {name: summarise(column[1:], float(column[0])) for name, column in columns.items()}
 
 
-def given(
+def what_values_rest_on(
     found: tuple[Alternative, ...],
     held: tuple[Constant, ...],
     fit: Mapping[str, Summary],
@@ -328,7 +330,7 @@ def given(
         (abs(shift), name, constant.name)
         for constant in held
         for name, shift in constant.moves.items()
-        if abs(shift) > MOVED_BY_CONSTANT
+        if abs(shift) > SHIFT_BY_CONSTANT
     ]
     for alternative in found:
         if not alternative.as_good:
@@ -341,11 +343,11 @@ def given(
                 here.q025 - there.q025,
                 there.q975 - here.q975,
             )
-            if shift > MOVED * here.half:
+            if shift > SHIFT_BY_CHOICE * here.half:
                 moves.append((shift / here.half, name, alternative.instead_of))
     rests: dict[str, dict[str, None]] = {name: {} for name in fit}
     for _, name, text in sorted(moves, reverse=True):
         if name in rests:
             rests[name][text] = None
-    untried = (MODEL,) if any(alternative.reason for alternative in found) else ()
+    untried = (UNTRIED_MODEL,) if any(alternative.reason for alternative in found) else ()
     return {name: (*texts, *untried) for name, texts in rests.items() if texts or untried}

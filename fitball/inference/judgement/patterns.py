@@ -1,9 +1,10 @@
-"""Shapes over the impacts of a table in which residuals would lie, were something wrong."""
+"""Shapes over the impacts of a table in which residuals would lie if something were wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +14,19 @@ from fitball.inference.problem.problem import Problem
 from fitball.models.types import regime_name
 
 # Rows from which bends and drifts are tested: fewer leave a line and its noise little freedom.
-BENDS = 7
-# Rows of a group, and rows outside of it, from which it is tested: two may agree by chance.
-GROUP = 3
-# Labels of a column at most for its groups to be tested: more would be names of rows.
-GROUPS = 40
+# Products of columns take twice as many. Chosen by hand.
+LEAST_ROWS_OF_BEND = 7
+# Rows of a group, and rows outside of it, from which it is tested. Chosen by hand.
+LEAST_ROWS_OF_GROUP = 3
+# Groups of a column at most, for them to be tested: all tests share one chance, and each further
+# one takes of the others. Chosen by hand.
+MOST_GROUPS = 40
 # Difference of the incident state over its size that is rounding of units.
-UNITS = 1e-9
+UNIT_ROUNDING = 1e-9
 
 
 def covariates(problem: Problem) -> dict[str, FloatArray]:
-    """The incident state of each impact by name, (impacts,), where it differs between impacts."""
+    """The columns (impacts,) of the incident state by name, in SI, that differ between impacts."""
     states = problem.rows.states
     columns = {"v_y1": states.v_y1}
     if problem.forward.model.tangential:
@@ -32,32 +35,37 @@ def covariates(problem: Problem) -> dict[str, FloatArray]:
     return {
         name: values
         for name, values in columns.items()
-        if np.ptp(values) > UNITS * np.abs(values).max()
+        if np.ptp(values) > UNIT_ROUNDING * np.abs(values).max()
     }
 
 
 def trends(problem: Problem) -> Iterator[tuple[str, FloatArray]]:
-    """Lines, bends and products of the incident state (impacts,), each without those before it."""
+    """Lines, bends and products of the incident state, each with its name and its shape (impacts,).
+    A bend is what a line of the same column leaves of its square.
+    """
     count = len(problem.rows.y)
     straight = dict[str, FloatArray]()
     for name, values in covariates(problem).items():
         scaled = (values - values.mean()) / np.ptp(values)
         different = np.unique(scaled.round(6)).size
-        degree = min(different - 1, 2 if count >= BENDS else 1)
+        degree = min(different - 1, 2 if count >= LEAST_ROWS_OF_BEND else 1)
         powers, _ = np.linalg.qr(np.vander(scaled, degree + 1, increasing=True))
         straight[name] = powers[:, 1]
         yield f"trend with {name}", powers[:, 1]
         if degree > 1:
             yield f"curved trend with {name}", powers[:, 2]
-    if count < 2 * BENDS:
+    if count < 2 * LEAST_ROWS_OF_BEND:
         return
     for first, second in combinations(straight, 2):
         yield f"interaction of {first} and {second}", straight[first] * straight[second]
 
 
-def groups_of(problem: Problem, x: FloatArray) -> Iterator[tuple[str, str, FloatArray]]:
-    """Column and label of each group, and which impacts are in it (impacts,), as 1 and 0; kinds of
-    contact at coordinates (free,) too. Empty cells are no group.
+def groups_of(
+    problem: Problem,
+    x: Annotated[FloatArray, "coordinates"],
+) -> Iterator[tuple[str, str, FloatArray]]:
+    """Column and label of each group, and which impacts are in it (impacts,), as 1 and 0. Regimes
+    of contact with the parameters at `x` are groups too; empty cells are none.
     """
     labels = dict[str, NDArray[np.str_]]()
     for name, texts in problem.table.labels.items():
@@ -69,22 +77,22 @@ def groups_of(problem: Problem, x: FloatArray) -> Iterator[tuple[str, str, Float
         labels["regime"] = np.array([regime_name(int(code)) for code in codes])[which]
     for column, cell_texts in labels.items():
         groups, sizes = np.unique(cell_texts, return_counts=True)
-        if not 2 <= groups.size <= GROUPS:
+        if not 2 <= groups.size <= MOST_GROUPS:
             continue
         for group, size in zip(groups, sizes, strict=True):
-            if group and GROUP <= size <= cell_texts.size - GROUP:
+            if group and LEAST_ROWS_OF_GROUP <= size <= cell_texts.size - LEAST_ROWS_OF_GROUP:
                 yield column, str(group), (cell_texts == group).astype(np.float64)
 
 
 def drifts(problem: Problem) -> Iterator[tuple[str, FloatArray]]:
-    """A line along the rows (impacts,), where there are enough of them."""
+    """A line along the rows, where there are enough of them: its name and its shape (impacts,)."""
     count = len(problem.rows.y)
-    if count >= BENDS:
+    if count >= LEAST_ROWS_OF_BEND:
         yield "drift along the rows", np.arange(float(count)) - 0.5 * (count - 1)
 
 
-def slip_shape(problem: Problem) -> FloatArray:
-    """Roots of the slip speeds before the impact, less their mean (impacts,)."""
+def slip_shape(problem: Problem) -> Annotated[FloatArray, "impacts"]:
+    """The roots of the slip speeds before impact [(m/s)^(1/2)], less their mean."""
     states = problem.rows.states
     slip = states.v_x1 - problem.forward.model.ball.radius * states.omega_1
     root = np.sqrt(np.abs(slip))
