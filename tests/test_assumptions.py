@@ -266,7 +266,7 @@ def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
     problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip", fix=NOISE)
     fit = dict.fromkeys(problem.free, Summary(0.0, 0.0, 1.0, -2.0, -1.0, 1.0, 2.0))
     for reliable in (0.7, -1.0):
-        monkeypatch.setattr(module, "RELIABLE", reliable)
+        monkeypatch.setattr(module, "RELIABLE_K", reliable)
         heavy_tails = heavy_tails_of(problem)
         assert bool(heavy_tails.reason) == (reliable < 0.0)
         assert bool(heavy_tails.summaries) != bool(heavy_tails.reason)
