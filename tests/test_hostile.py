@@ -155,11 +155,11 @@ def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
     text.write_bytes(HEAD + b"5,4\n" * 20_000)
     book.write_bytes(xlsx(GOOD + "<row><c><v>1</v></c></row>" * 10_000))
     for place, name in (
-        (text, "CELLS"),
-        (text, "ROWS"),
-        (text, "BYTES"),
-        (book, "_TAGS"),
-        (book, "_UNPACKED"),
+        (text, "MOST_CELLS"),
+        (text, "MOST_ROWS"),
+        (text, "MOST_BYTES"),
+        (book, "_MOST_TAGS"),
+        (book, "_MOST_UNPACKED"),
     ):
         with monkeypatch.context() as patch:
             assert len(read_cells(place, is_speed).rows) >= 10_000
@@ -175,7 +175,7 @@ def is_speed(name):
 
 
 def test_rows_beyond_a_chunk_are_read_in_order_and_exactly(tmp_path, monkeypatch):
-    monkeypatch.setattr("fitball.data.cells._CHUNK", 2000)
+    monkeypatch.setattr("fitball.data.cells._CELLS_AT_ONCE", 2000)
     values = np.random.default_rng(1).normal(10.0, 3.0, (2400, 2))
     frame = pandas.DataFrame(values, columns=["v_x1", "v_y1"])
     frame.to_csv(tmp_path / "t.csv", index=False)

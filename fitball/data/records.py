@@ -16,13 +16,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from itertools import islice
 from math import isnan
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from fitball.base.errors import Fault, InputError, Note
 from fitball.base.text import one_line
 
-# What a header cell is worth: 1 for a name that is known, less for one that may be meant, 0 for any
-# other text.
+# What a cell is worth as one of a header: 1 for a name of a column, less for a text that may mean
+# one, 0 for any other text.
 NameWorth: TypeAlias = Callable[[str], float]
 # The line on which a record starts, and its cells.
 Record: TypeAlias = tuple[int, list[str]]
@@ -30,49 +30,49 @@ Record: TypeAlias = tuple[int, list[str]]
 # Endings of workbooks.
 WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 # Most bytes of a file.
-BYTES = 250_000_000
+MOST_BYTES = 250_000_000
 # Most rows of a table.
-ROWS = 2_000_000
+MOST_ROWS = 2_000_000
 # Most columns of a table.
-COLUMNS = 1_000
+MOST_COLUMNS = 1_000
 # Most cells of a table.
-CELLS = 20_000_000
+MOST_CELLS = 20_000_000
 # Most bytes of a workbook, unpacked.
-_UNPACKED = 500_000_000
-# What styles and texts of these may take besides `_TAG_BYTES` a tag.
-_BESIDES = 64_000_000
+_MOST_UNPACKED = 500_000_000
+# What styles and texts of a workbook may take besides `_TAG_BYTES` a tag.
+_UNTAGGED_BYTES = 64_000_000
 # Bytes that a tag takes with its text.
 _TAG_BYTES = 64
 # Most tags of a workbook.
-_TAGS = 50_000_000
+_MOST_TAGS = 50_000_000
 # Most cells of a workbook as far as the last one, which readers lay out whole (32 bytes each).
-_SHEET_CELLS = 12_000_000
+_MOST_SHEET_CELLS = 12_000_000
 # Most characters of a record.
-_LONGEST = 1_000_000
+_MOST_CHARACTERS = 1_000_000
 # Characters of the sample by which a separator is found.
-_SAMPLE = 200_000
+_SAMPLE_CHARACTERS = 200_000
 # Lines of that sample.
 _SAMPLE_LINES = 200
 # Bytes that are read at once.
-_PIECE = 1 << 20
+_BYTES_AT_ONCE = 1 << 20
 # Bytes of the piece before that are looked at again: a tag may be cut.
-_OVERLAP = 200
+_OVERLAP_BYTES = 200
 # Records among which the header is looked for.
-REACH = 60
-# The least that a header must be worth: one name that may be meant.
-_LEAST = 0.5
+HEADER_RECORDS = 60
+# The least that a header must be worth: a single name that may be meant.
+_LEAST_WORTH = 0.5
 # The least that a header in a comment must be worth: two names, since a remark may have one.
-_COMMENTED = 2.0
-# The least that the header of a sheet that is one of several must be worth.
-_SHEET = 1.5
+_LEAST_COMMENT_WORTH = 2.0
+# The least that a header must be worth where several sheets have one: more than a single name.
+_LEAST_SHEET_WORTH = 1.5
 # A share of zero bytes above this is UTF-16 without a mark.
-_ZEROS = 0.2
+_ZERO_SHARE = 0.2
 # Larger whole numbers are written with an exponent.
-_WHOLE = 1e15
+_LARGEST_WHOLE = 1e15
 # Sheets that are named in a message.
-_NAMED = 8
+_NAMED_SHEETS = 8
 # A spreadsheet's error is no comment, though it begins like one.
-ERROR = re.compile(
+FORMULA_ERROR = re.compile(
     r"#(?:N/?A|NV|VALUE!|WERT!|DIV/0!|REF!|BEZUG!|NAME\?|NUM!|ZAHL!|NULL!)(?![\w!?])",
     re.IGNORECASE,
 )
@@ -93,38 +93,45 @@ def too_large(source: str, what: str, most: str, line: int | None = None) -> Inp
 
 
 def check_shape(source: str, rows: int, columns: int) -> None:
-    """Refuse more rows, columns or cells than a table may have."""
-    if rows > ROWS or columns > COLUMNS or rows * columns > CELLS:
-        most = f"{ROWS:,} rows, {COLUMNS:,} columns and {CELLS:,} cells"
+    """Refuse more rows, columns or cells than a table may have.
+
+    Raises:
+        InputError: The table is larger (`too-large`).
+    """
+    if rows > MOST_ROWS or columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
+        most = f"{MOST_ROWS:,} rows, {MOST_COLUMNS:,} columns and {MOST_CELLS:,} cells"
         raise too_large(source, f"{rows:,} rows of {columns:,} columns", most)
 
 
 def is_comment(cells: Sequence[str]) -> bool:
-    """Whether a record is a comment: behind `#`, unless that is a name or begins the error of a
-    formula.
+    """Whether a record is a comment: its first cell begins with `#`, but is no `#` alone, which is
+    a name of a column, and no error of a formula.
     """
-    return cells[0].startswith("#") and len(cells[0]) > 1 and not ERROR.match(cells[0])
+    first = cells[0]
+    return first.startswith("#") and len(first) > 1 and not FORMULA_ERROR.match(first)
 
 
-def find_header(records: Sequence[Record], known: NameWorth) -> tuple[int, float]:
-    """The place of the record whose names are worth most, and what they are worth; a comment, as
-    NumPy writes one, only where there is no other.
+def find_header(records: Sequence[Record], name_worth: NameWorth) -> tuple[int, float]:
+    """The header among records: its index, and what its names are worth in all.
+
+    It is the record whose names are worth most; a comment, as NumPy writes headers, only where no
+    other record is worth enough. Without any it is the first record that is no comment.
     """
-    for comments, least in ((False, _LEAST), (True, _COMMENTED)):
+    for comments, least in ((False, _LEAST_WORTH), (True, _LEAST_COMMENT_WORTH)):
         worths = []
         for _, cells in records:
-            worth = sum(known(cell.lstrip("# ")) for cell in cells)
+            worth = sum(name_worth(cell.lstrip("# ")) for cell in cells)
             worths.append(worth if is_comment(cells) == comments else 0.0)
         best = max(worths, default=0.0)
         if best >= least:
             return worths.index(best), best
-    for place, (_, cells) in enumerate(records):
+    for index, (_, cells) in enumerate(records):
         if not is_comment(cells):
-            return place, 0.0
+            return index, 0.0
     return 0, 0.0
 
 
-def cell_text(value: Any) -> str:
+def cell_text(value: object) -> str:
     """A cell as a person would write it: whole numbers without a point, NaN as nothing, half
     characters escaped.
     """
@@ -132,7 +139,7 @@ def cell_text(value: Any) -> str:
         return str(value).encode(errors="backslashreplace").decode().strip()
     if isnan(value):
         return ""
-    if value.is_integer() and abs(value) < _WHOLE:
+    if value.is_integer() and abs(value) < _LARGEST_WHOLE:
         return f"{value:.0f}"
     return str(value)
 
@@ -141,10 +148,10 @@ def cell_text(value: Any) -> str:
 
 # Letters of Windows-1252 and its signs that stand in tables.
 _WESTERN = {*range(0xC0, 0x100), *"\u00a0§°±²³µ·¹\u2013—\u2018\u2019“”ŠšŽžŒœŸ".encode("cp1252")}
-# What is a letter of UTF-8.
+# A letter of UTF-8 beyond ASCII.
 _UTF8_LETTER = re.compile(rb"[\xc3-\xf4][\x80-\xbf]|\xc2[\x80-\xbf]")
 # Separators of cells.
-_SIGNS = ",;\t| "
+_SEPARATORS = ",;\t| "
 # Between spaces a unit in brackets stays with its name. A run of blanks is looked at once, from its
 # start: a line may be all blanks.
 _BRACKET = re.compile(r"(?<![ \t])[ \t]*+([\[({][^\[\](){}]*[\])}])")
@@ -154,24 +161,29 @@ _PLUS_MINUS = re.compile(r"(?<![ \t])[ \t]*+(±|\+/-|\+-)[ \t]*")
 _JOINED = "\ue000"
 
 
-def text_records(source: str, data: bytes, known: NameWorth, notes: list[Note]) -> Iterator[Record]:
-    """The records of a text, in its encoding and with the separator by which a header has most
-    names that are known and most rows have a cell for each. Raises InputError (`encoding`,
-    `too-large`; `quotes` as the records are read).
+def text_records(
+    source: str, data: bytes, name_worth: NameWorth, notes: list[Note]
+) -> Iterator[Record]:
+    """The records of a text, in its encoding and by its separator: the one by which a header has
+    most names of columns and most rows have a cell for each.
+
+    Raises:
+        InputError: The text cannot be read (`encoding`, `too-large`; `quotes` as the records are
+            read).
     """
     codec = _codec(source, data, notes)
-    known = cache(known)
-    sample = _sample(_lines(source, data, codec))
+    name_worth = cache(name_worth)
+    sample = _sample(_text_lines(source, data, codec))
 
-    def worth(sign: str) -> tuple[float, float, int]:
-        records = [*_records(source, sample, sign, strict=False)]
-        place, names = find_header(records[:REACH], known)
-        widths = [len(cells) for _, cells in records[place:]] or [0]
+    def fitness(separator: str) -> tuple[float, float, int]:
+        records = [*_records(source, sample, separator, strict=False)]
+        header, worth = find_header(records[:HEADER_RECORDS], name_worth)
+        widths = [len(cells) for _, cells in records[header:]] or [0]
         share = widths.count(widths[0]) / len(widths)
-        return names, share, 0 if sign == " " else widths[0]
+        return worth, share, 0 if separator == " " else widths[0]
 
-    best = max(_SIGNS, key=worth)
-    return _records(source, _lines(source, data, codec), best, strict=True)
+    best = max(_SEPARATORS, key=fitness)
+    return _records(source, _text_lines(source, data, codec), best, strict=True)
 
 
 def _sample(lines: Iterator[str]) -> list[str]:
@@ -181,7 +193,7 @@ def _sample(lines: Iterator[str]) -> list[str]:
     for line in lines:
         sample.append(line)
         size += len(line)
-        if len(sample) >= _SAMPLE_LINES or size >= _SAMPLE:
+        if len(sample) >= _SAMPLE_LINES or size >= _SAMPLE_CHARACTERS:
             break
     return sample
 
@@ -193,13 +205,17 @@ def _codec(source: str, data: bytes, notes: list[Note]) -> str:
     wide = _wide_codec(data)
     decoder = codecs.getincrementaldecoder(wide or "utf-8")()
     try:
-        for start in range(0, len(data), _PIECE):
-            decoder.decode(data[start : start + _PIECE], start + _PIECE >= len(data))
+        for start in range(0, len(data), _BYTES_AT_ONCE):
+            decoder.decode(
+                data[start : start + _BYTES_AT_ONCE], start + _BYTES_AT_ONCE >= len(data)
+            )
     except UnicodeDecodeError as error:
-        line = 1 + data.count(b"\n", 0, start) + error.object.count(b"\n", 0, error.start)
+        lines_before = data.count(b"\n", 0, start) + error.object.count(b"\n", 0, error.start)
+        line = 1 + lines_before
         byte = error.object[error.start]
-        western = {*data.translate(None, bytes(range(128)))} <= _WESTERN
-        if wide or not western or _UTF8_LETTER.search(data):
+        beyond_ascii = data.translate(None, bytes(range(128)))
+        is_western = {*beyond_ascii} <= _WESTERN
+        if wide or not is_western or _UTF8_LETTER.search(data):
             words = (
                 f"read byte 0x{byte:02x}, which is not {wide or 'UTF-8'}; expected text: save "
                 "it as 'CSV UTF-8'"
@@ -215,12 +231,14 @@ def _codec(source: str, data: bytes, notes: list[Note]) -> str:
 
 
 def _wide_codec(data: bytes) -> str:
-    """UTF-16 by its mark, or by zeros in every other byte; empty if the text is none."""
+    """The codec of a text in UTF-16, by its mark or by zeros in every other byte; empty if the text
+    is not in UTF-16.
+    """
     if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return "utf-16"
-    even = data[:_PIECE:2].count(0)
-    odd = data[1:_PIECE:2].count(0)
-    many = _ZEROS * min(len(data), _PIECE)
+    even = data[:_BYTES_AT_ONCE:2].count(0)
+    odd = data[1:_BYTES_AT_ONCE:2].count(0)
+    many = _ZERO_SHARE * min(len(data), _BYTES_AT_ONCE)
     if odd > many and not even:
         return "utf-16-le"
     if even > many and not odd:
@@ -228,24 +246,24 @@ def _wide_codec(data: bytes) -> str:
     return ""
 
 
-def _lines(source: str, data: bytes, codec: str) -> Iterator[str]:
+def _text_lines(source: str, data: bytes, codec: str) -> Iterator[str]:
     """Lines with their ends: a quoted cell may go over several. Raises InputError (`encoding`,
     `too-large`).
     """
     file = io.TextIOWrapper(io.BytesIO(data), codec, newline="")
     number = 0
-    while line := file.readline(_LONGEST):
+    while line := file.readline(_MOST_CHARACTERS):
         number += 1
         if "\0" in line:
             words = "read a zero byte; expected text: save it as 'CSV UTF-8'"
             raise refusal(source, "encoding", words, number)
-        if len(line) == _LONGEST or number > ROWS:
-            most = f"{ROWS:,} lines of {_LONGEST:,} characters"
+        if len(line) == _MOST_CHARACTERS or number > MOST_ROWS:
+            most = f"{MOST_ROWS:,} lines of {_MOST_CHARACTERS:,} characters"
             raise too_large(source, "a longer line or more lines than a table has", most, number)
         yield line
 
 
-def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iterator[Record]:
+def _records(source: str, lines: Iterable[str], separator: str, strict: bool) -> Iterator[Record]:
     """Records without blank lines; of a comment the first cell begins with `#`, whatever stands
     behind that. Raises InputError (`quotes`) if `strict`.
     """
@@ -265,14 +283,14 @@ def _records(source: str, lines: Iterable[str], sign: str, strict: bool) -> Iter
                 start = number
                 size = 0
             size += len(line)
-            if size > _LONGEST:
-                raise csv.Error(f"more than {_LONGEST:,} characters")
-            yield _with_single_blanks(line) if sign == " " else line
+            if size > _MOST_CHARACTERS:
+                raise csv.Error(f"more than {_MOST_CHARACTERS:,} characters")
+            yield _with_single_blanks(line) if separator == " " else line
 
-    rows = csv.reader(lines_of_records(), delimiter=sign, skipinitialspace=True, strict=strict)
+    rows = csv.reader(lines_of_records(), delimiter=separator, skipinitialspace=True, strict=strict)
     try:
         for cells in rows:
-            if sign == " ":
+            if separator == " ":
                 yield start, [cell.replace(_JOINED, " ") for cell in cells]
             else:
                 yield start, [cell.strip() for cell in cells]
@@ -306,10 +324,10 @@ _DAMAGED = (
     OverflowError,
     RuntimeError,
 )
-# Where a cell with a value stands (.xlsx).
-_PLACE = re.compile(rb'<(?:\w+:)?c\b[^>]*?\br="([A-Z]{1,3})([0-9]{1,7})"[^>]*(?<!/)>')
+# The reference of a cell with a value (.xlsx).
+_CELL_REFERENCE = re.compile(rb'<(?:\w+:)?c\b[^>]*?\br="([A-Z]{1,3})([0-9]{1,7})"[^>]*(?<!/)>')
 # How far a sheet reaches (.xlsb: BrtWsDim).
-_REACHES = re.compile(rb"\x94\x01\x10.{4}(.{4}).{4}(.{4})", re.DOTALL)
+_SHEET_EXTENT = re.compile(rb"\x94\x01\x10.{4}(.{4}).{4}(.{4})", re.DOTALL)
 # A cell that is repeated a thousand times (.ods).
 _REPEATED = re.compile(
     rb'repeated="[0-9]{4,}"[^>]*(?:><[^>]*)?value-type|value-type[^>]*repeated="[0-9]{4,}"'
@@ -320,12 +338,16 @@ def workbook_records(
     source: str,
     data: bytes,
     suffix: str,
-    wanted: str,
-    known: NameWorth,
+    sheet: str,
+    name_worth: NameWorth,
     notes: list[Note],
 ) -> Iterator[Record]:
-    """The rows of the sheet that is named `wanted`, or, if that is empty, of the one that holds a
-    table. Raises InputError (`not-a-workbook`, `no-sheet`, `several-sheets`, `too-large`).
+    """The rows of the sheet of this name, or, if the name is empty, of the only sheet with a table
+    of impacts.
+
+    Raises:
+        InputError: The workbook, or a sheet of it, cannot be read (`not-a-workbook`, `no-sheet`,
+            `several-sheets`, `too-large`).
     """
     import python_calamine
 
@@ -335,7 +357,7 @@ def workbook_records(
             _check_archive(source, data)
         book = python_calamine.load_workbook(io.BytesIO(data))
         kind = python_calamine.SheetTypeEnum.WorkSheet
-        names = [sheet.name for sheet in book.sheets_metadata if sheet.typ == kind]
+        names = [entry.name for entry in book.sheets_metadata if entry.typ == kind]
         sheets = {name: book.get_sheet_by_name(name) for name in names}
     except (python_calamine.CalamineError, *_DAMAGED) as error:
         words = (
@@ -343,8 +365,8 @@ def workbook_records(
             "CSV with the ending .csv"
         )
         raise refusal(source, "not-a-workbook", words) from None
-    if wanted and wanted not in sheets:
-        words = f"there is no sheet '{wanted}'; sheets of this file: {', '.join(sheets)}"
+    if sheet and sheet not in sheets:
+        words = f"there is no sheet '{sheet}'; sheets of this file: {', '.join(sheets)}"
         raise refusal(source, "no-sheet", words)
 
     def records(name: str) -> Iterator[Record]:
@@ -353,17 +375,18 @@ def workbook_records(
                 yield line, [cell_text(cell) for cell in row]
 
     def worth(name: str) -> float:
-        return find_header([*islice(records(name), REACH)], known)[1]
+        first = [*islice(records(name), HEADER_RECORDS)]
+        return find_header(first, name_worth)[1]
 
-    tables = [name for name in sheets if worth(name) >= _SHEET]
-    if len(tables) > 1 and not wanted:
-        ways = ", ".join(f"'{source}#{name}'" for name in tables[:_NAMED])
+    tables = [name for name in sheets if worth(name) >= _LEAST_SHEET_WORTH]
+    if len(tables) > 1 and not sheet:
+        ways = ", ".join(f"'{source}#{name}'" for name in tables[:_NAMED_SHEETS])
         words = f"{len(tables)} sheets have tables of impacts; choose one: {ways}"
         raise refusal(source, "several-sheets", words)
     if not sheets:
         return iter(())
-    name = wanted or next(iter(tables or sheets))
-    if len(sheets) > 1 and not wanted:
+    name = sheet or next(iter(tables or sheets))
+    if len(sheets) > 1 and not sheet:
         notes.append(Note("sheet", f"sheet '{name}' of {len(sheets)} was read"))
     return records(name)
 
@@ -378,43 +401,44 @@ def _check_archive(source: str, data: bytes) -> None:
     with zipfile.ZipFile(io.BytesIO(data)) as book:
         for member in book.infolist():
             # What is declared may be less than what comes out.
-            member.file_size = 2 * _UNPACKED
+            member.file_size = 2 * _MOST_UNPACKED
             rows = 0
             columns = 0
             piece = b""
             with book.open(member) as file:
-                while read := file.read(_PIECE):
+                while read := file.read(_BYTES_AT_ONCE):
                     unpacked += len(read)
                     tags += read.count(b"<")
-                    piece = piece[-_OVERLAP:] + read
-                    most = min(_UNPACKED, _BESIDES + _TAG_BYTES * tags)
-                    if unpacked > most or tags > _TAGS or _REPEATED.search(piece):
+                    piece = piece[-_OVERLAP_BYTES:] + read
+                    most = min(_MOST_UNPACKED, _UNTAGGED_BYTES + _TAG_BYTES * tags)
+                    if unpacked > most or tags > _MOST_TAGS or _REPEATED.search(piece):
                         words = (
                             "a sheet that unpacks to more than its cells take, or repeats one "
                             "a thousand times"
                         )
-                        raise too_large(source, words, f"{_UNPACKED / 1e6:.0f} MB")
+                        raise too_large(source, words, f"{_MOST_UNPACKED / 1e6:.0f} MB")
                     is_binary = member.filename.endswith(".bin")
                     rows, columns = _extent(piece, is_binary, rows, columns)
             cells += rows * columns
-            if cells > _SHEET_CELLS:
+            if cells > _MOST_SHEET_CELLS:
                 words = (
                     f"{rows:,} rows of {columns:,} columns as far as the last cell (delete "
                     "what is far away)"
                 )
-                raise too_large(source, words, f"{_SHEET_CELLS:,} cells")
+                raise too_large(source, words, f"{_MOST_SHEET_CELLS:,} cells")
 
 
 def _extent(piece: bytes, is_binary: bool, rows: int, columns: int) -> tuple[int, int]:
     """Rows and columns as far as the last cell of a sheet, by a piece of it and what the pieces
     before have shown; of a binary sheet what it declares.
     """
-    places = _PLACE.findall(piece)
-    rows = max([rows, *(int(row) for _, row in places)])
-    columns = max(
-        [columns, *(_column_number(letters) for letters in {place[0] for place in places})]
-    )
-    if is_binary and (declared := _REACHES.search(piece)):
+    references = _CELL_REFERENCE.findall(piece)
+    row_numbers = [int(row) for _, row in references]
+    # A piece has many cells of few columns.
+    column_numbers = [_column_number(letters) for letters in {letters for letters, _ in references}]
+    rows = max([rows, *row_numbers])
+    columns = max([columns, *column_numbers])
+    if is_binary and (declared := _SHEET_EXTENT.search(piece)):
         last_row, last_column = declared.groups()
         rows = 1 + int.from_bytes(last_row, "little")
         columns = 1 + int.from_bytes(last_column, "little")
