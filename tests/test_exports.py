@@ -107,7 +107,7 @@ def test_each_surface_has_its_own_values_and_range(levelled):
 
 def published(parameter, key):
     """The row of a published prior, read here."""
-    place = bundled.folder() / "literature" / "priors.csv"
+    place = bundled.datasets_folder() / "literature" / "priors.csv"
     with place.open(newline="", encoding="utf-8") as file:
         rows = {(row["parameter"], row["key"]): row for row in csv.DictReader(file)}
     return rows[parameter, key]
@@ -313,7 +313,7 @@ def test_tables_have_the_rounded_numbers_and_a_note_for_each_doubt(fit):
         assert f"({mark})" in line
 
 
-WITHOUT_FIT = [name for name, form in FORMATS.items() if name != "arviz" and not form.measured]
+WITHOUT_FIT = [name for name, form in FORMATS.items() if name != "arviz" and not form.needs_fit]
 
 
 @pytest.mark.parametrize("form", WITHOUT_FIT)

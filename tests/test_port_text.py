@@ -80,38 +80,42 @@ def test_names_of_labels():
         "clay, worn": "CLAY_WORN",
     }
     sets = [ports.typical("grip-slip", label, mu=0.01 * k) for k, label in enumerate(named, 1)]
-    made = ports.module(port(sets, "python"))
-    names = named.values()
-    assert [getattr(made, name).mu for name in names] == pytest.approx(
-        [0.01 * k for k in range(1, 12)]
-    )
+    module = ports.module(port(sets, "python"))
+    frictions = [getattr(module, name).mu for name in named.values()]
+    assert frictions == pytest.approx([0.01 * k for k in range(1, 12)])
 
 
 def test_what_cannot_be_ported():
-    def own(v_x1, v_y1, omega_1, ball, e="uniform(0, 1)"):
+    def elastic(v_x1, v_y1, omega_1, ball, e="uniform(0, 1)"):
         return v_x1, e * v_y1, omega_1
 
-    one = ports.typical("two-mass")
+    of_function = replace(
+        ports.typical("two-mass"),
+        model=fitball.model_from(elastic),
+        values={"e": 0.5},
+    )
     for sets, code in (
-        ([replace(one, model=fitball.model_from(own), values={"e": 0.5})], "own-model"),
+        ([of_function], "own-model"),
         ([ports.typical("two-mass", mass_ratio=0.5)], "no-answer"),
         ([ports.typical("two-mass", mu=-1.0)], "out-of-bounds"),
     ):
         for language in FILES:
-            with pytest.raises(FitballError) as found:
+            with pytest.raises(FitballError) as caught:
                 port(sets, language)
-            assert found.value.code == code
+            assert caught.value.code == code
 
 
 class Pair(NamedTuple):
-    one: float
-    two: int
+    first: float
+    second: int
 
 
 @pytest.mark.parametrize(
     "body",
     [
         "return x + len('text')",
+        # A function of C has no source.
+        "return x + floor(x)",
         "return x or 1.0",
         "return x + n / 2",
         "return 0.0 < abs(x) < 1.0",
@@ -126,13 +130,13 @@ class Pair(NamedTuple):
     ],
 )
 def test_what_has_no_translation_is_refused(tmp_path, body):
-    place = tmp_path / "body.py"
-    place.write_text(f"def function(x: float, n: int) -> float:\n    {body}\n")
-    known = {"Pair": Pair}
-    exec(compile(place.read_text(), place, "exec"), known)
+    file = tmp_path / "body.py"
+    file.write_text(f"def function(x: float, n: int) -> float:\n    {body}\n")
+    names = {"Pair": Pair, "floor": math.floor}
+    exec(compile(file.read_text(), file, "exec"), names)
     with pytest.raises(source.UnportableError):
         translate.translated(
-            source.source_of((known["function"],), {}, {}, dialects.C.helpers),
+            source.source_of((names["function"],), {}, {}, dialects.C.helpers),
             "function",
             dialects.C,
         )

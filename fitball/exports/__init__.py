@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fitball.base.errors import ModelError, ParameterError, suggestion
 from fitball.base.text import listed
@@ -15,15 +15,18 @@ from fitball.models.model import Model
 
 
 class Format(NamedTuple):
-    """The `file` of a format; who makes it of sets, the fit or None and an impact in words;
-    `measured`: of a whole fit, no less; `at`: takes an impact; `ported`: holds or tests the bounce
-    as source code, which not every model has.
+    """A format of exports, and the name of its `file`.
+
+    `make` writes the content from parameter sets, the fit or None, and an impact in words. If it
+    `needs_fit`, it is of a whole fit with all its surfaces. If it `takes_impact`, it depends on the
+    impact. If it is `ported`, it has the bounce as source code, or tests it, which not every model
+    allows.
     """
 
     file: str
     make: Callable[..., str | bytes]
-    measured: bool = False
-    at: bool = False
+    needs_fit: bool = False
+    takes_impact: bool = False
     ported: bool = False
 
 
@@ -35,25 +38,29 @@ FORMATS: Mapping[str, Format] = {
     "page": Format(
         "bounce.html",
         lambda sets, _fit, at: page.page(sets, at),
-        at=True,
+        takes_impact=True,
         ported=True,
     ),
-    "engine": Format("engine.md", lambda sets, _fit, at: engine.settings_page(sets, at), at=True),
+    "engine": Format(
+        "engine.md",
+        lambda sets, _fit, at: engine.settings_page(sets, at),
+        takes_impact=True,
+    ),
     "engine-json": Format(
-        "engine.json", lambda sets, _fit, at: engine.settings_json(sets, at), at=True
+        "engine.json", lambda sets, _fit, at: engine.settings_json(sets, at), takes_impact=True
     ),
     "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
     "latex": Format(
         "parameters.tex",
         lambda _sets, fit, _at: parameters.as_latex(fit),
-        measured=True,
+        needs_fit=True,
     ),
     "markdown": Format(
         "parameters.md",
         lambda _sets, fit, _at: parameters.as_markdown(fit),
-        measured=True,
+        needs_fit=True,
     ),
-    "arviz": Format("arviz.nc", lambda _sets, fit, _at: arviz.netcdf(fit), measured=True),
+    "arviz": Format("arviz.nc", lambda _sets, fit, _at: arviz.netcdf(fit), needs_fit=True),
 }
 
 
@@ -62,30 +69,47 @@ def export(
     to: str,
     *,
     level: Mapping[str, str],
-    fix: Mapping[str, Any],
+    fix: Mapping[str, str | float],
     at: str,
 ) -> Mapping[str, str | bytes]:
-    """Files by name: a fit at its point on each of its surfaces, or those of `level`; or a model at
-    numbers or `literature:KEY`, other parameters at their typical value. Raises ParameterError
-    (`unknown-format`, `unknown-label`, `not-for-this-format`), ModelError (`own-model`, `no-port`).
+    """Contents of files by name, for another program.
+
+    Args:
+        source: a fit, at its best fit on each of its surfaces; or a model
+        to: a format of FORMATS
+        level: labels by column, of the surface and ball of a fit; empty for all
+        fix: values of parameters of a model, numbers in SI or `literature:KEY`; other parameters
+            have their typical value
+        at: an impact in words, for formats that take one
+
+    Raises:
+        ParameterError: the format is unknown (`unknown-format`), or does not take an option
+            (`not-for-this-format`). A label (`unknown-label`), parameter (`unknown-parameter`) or
+            key (`unknown-key`) is unknown. A value is no number (`not-a-number`), is outside its
+            bounds (`out-of-bounds`), is missing (`parameters`) or has no answer (`no-answer`). The
+            impact cannot be read (`impact`).
+        ModelError: the model is a Python function (`own-model`), or has no port (`no-port`).
+        FitError: a point fit has no draws (`no-draws`).
     """
     if to not in FORMATS:
         raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}", "unknown-format")
     form = FORMATS[to]
     fit = source if isinstance(source, Fitted) else None
+    with_impact = [name for name, other in FORMATS.items() if other.takes_impact]
     faults = {
-        f"format {to} needs a fit": form.measured and fit is None,
-        f"format {to} has all surfaces of a fit: leave out level": form.measured and bool(level),
+        f"format {to} needs a fit": form.needs_fit and fit is None,
+        f"format {to} has all surfaces of a fit: leave out level": form.needs_fit and bool(level),
         "level chooses a surface or ball of a fit: leave it out": fit is None and bool(level),
-        "fix sets values of a model: leave it out, or name a model instead of a fit": fit
-        is not None
-        and bool(fix),
-        f"at is an impact for {listed((n for n, f in FORMATS.items() if f.at), last='and')}, not "
-        f"for {to}": (bool(at) and not form.at),
+        "fix sets values of a model: leave it out, or name a model instead of a fit": (
+            fit is not None and bool(fix)
+        ),
+        f"at is an impact for {listed(with_impact, last='and')}, not for {to}": (
+            bool(at) and not form.takes_impact
+        ),
     }
-    for fault, found in faults.items():
-        if found:
-            raise ParameterError(fault, "not-for-this-format")
+    for sentence, holds in faults.items():
+        if holds:
+            raise ParameterError(sentence, "not-for-this-format")
     sets = (set_of_model(source, fix),) if isinstance(source, Model) else sets_of_fit(source, level)
     try:
         return {form.file: form.make(sets, fit, at)}

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import json
@@ -24,28 +24,31 @@ from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_markdown
 from fitball.version import __version__
 
-# What says of a JSON file what it is.
+# The kind of the JSON file, by which programs recognize it.
 JSON_KIND = "fitball parameter set"
-# Of the layout of that file: another number if a reader must be changed.
+# The version of its layout: it grows when programs that read the file must be changed.
 JSON_VERSION = 1
 # Verdicts of values that the data determine, alone or under assumptions.
 DETERMINED_VERDICTS = ("identified", "given")
-# What a table says of values that the data do not determine alone: a letter for each verdict, and
-# words.
+# The remark on values that the data determine only under assumptions; UNSURE has the others.
 _GIVEN = {"given": "depends on model assumptions that the data cannot test"}
+# The letter and the note of each verdict in tables.
+_REMARKS = {**_GIVEN, **UNSURE}
 _MARKS = {
-    name: (mark, words)
-    for mark, (name, words) in zip("abcde", {**_GIVEN, **UNSURE}.items(), strict=True)
+    verdict: (mark, words) for mark, (verdict, words) in zip("abcde", _REMARKS.items(), strict=True)
 }
 
 
 def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
-    """SI, angles in radians, null for what there is not. `sets`: values of a bounce on each surface
-    with each ball, at the best fit. `parameters` and `derived` of a fit: numbers, prior, verdict,
-    `determined` or not, and why. `correlation` of the free parameters, of the draws.
+    """Parameter sets, and the fit if they are of one, as JSON: SI, null where there is no value.
+
+    `sets` are the values on each surface with each ball, at the best fit. `parameters` and
+    `derived` have the estimates of a fit: numbers, prior, verdict, whether the data determine the
+    value (`determined`), and the reason. `correlation` is that of the free parameters, of the
+    draws.
     """
     first = sets[0]
-    content: dict[str, Any] = {
+    content: dict[str, object] = {
         "kind": JSON_KIND,
         "version": JSON_VERSION,
         "fitball": __version__,
@@ -69,14 +72,15 @@ def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
     }
     if fit is not None:
         content |= _of_fit(fit)
-    # On the way what is no finite number becomes null.
-    return json_bytes(
-        json.decode(json.encode(content, enc_hook=lambda number: number.item()))
-    ).decode()
+    # msgspec writes null for numbers that are not finite.
+    encoded = json.encode(content, enc_hook=lambda number: number.item())
+    return json_bytes(json.decode(encoded)).decode()
 
 
 def _range(parameters: ParameterSet) -> dict[str, list[float]] | None:
-    """Smallest and largest of each incident column on this surface, SI; None without impacts."""
+    """Smallest and largest value of each incident column on this surface, SI; None without
+    impacts.
+    """
     if parameters.impacts is None:
         return None
     return {
@@ -85,9 +89,10 @@ def _range(parameters: ParameterSet) -> dict[str, list[float]] | None:
     }
 
 
-def _of_fit(fit: Fitted) -> dict[str, Any]:
+def _of_fit(fit: Fitted) -> dict[str, object]:
+    """The fields of JSON that only a fit has."""
     table = fit.run.table
-    content: dict[str, Any] = {
+    content: dict[str, object] = {
         "table": {
             "name": table.name,
             "impacts": len(table),
@@ -113,15 +118,15 @@ def _of_fit(fit: Fitted) -> dict[str, Any]:
     return content
 
 
-def _estimate(estimate: Estimate) -> dict[str, Any]:
+def _estimate(estimate: Estimate) -> dict[str, object]:
     """The fields of an estimate but its name, which is its key, and whether it is determined."""
     fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED_VERDICTS}
     return {key: value for key, value in fields.items() if key != "name"}
 
 
 class _Row(NamedTuple):
-    """A quantity as text; `sd` and `interval` are empty without a posterior, `mark` refers to a
-    note.
+    """A quantity as texts of a table. `sd` and `interval` are empty without a posterior; `mark`
+    refers to a note.
     """
 
     name: str
@@ -135,9 +140,7 @@ class _Row(NamedTuple):
 
 
 def _rows(fit: Fitted) -> Iterator[_Row]:
-    """Rows of the parameters of model and levels and of what follows from them, then of the
-    noise.
-    """
+    """Rows of the parameters of model and levels, of derived quantities, then of the noise."""
     for row in frame_rows(fit.summary):
         if row.text("kind") not in (*MAIN_KINDS, "noise"):
             continue
@@ -163,12 +166,13 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
 
 
 def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
-    """The marks that rows have, and what each means."""
+    """The marks that stand in rows, each with its note."""
     used = {row.mark for row in rows}
     return [(mark, words) for mark, words in _MARKS.values() if mark in used]
 
 
 def _caption(fit: Fitted) -> str:
+    """The caption of a table of parameters: model, data, and what its numbers are."""
     what = "point estimates"
     if fit.posterior is not None:
         what = (
@@ -188,8 +192,9 @@ def _caption(fit: Fitted) -> str:
 
 
 def as_latex(fit: Fitted) -> str:
-    """A `table` environment; it needs the package booktabs. What a user wrote is text, never a
-    command.
+    """The parameters of a fit as a `table` environment of LaTeX, which needs the package booktabs.
+
+    Texts of users are escaped, so that none is a command.
     """
     rows = list(_rows(fit))
     lines = [
@@ -226,6 +231,7 @@ def as_latex(fit: Fitted) -> str:
 
 
 def _latex(text: str) -> str:
+    """A text of a user on one line, escaped for LaTeX."""
     return escaped(one_line(text, 1000))
 
 
@@ -239,13 +245,14 @@ def _power(number: str) -> str:
 
 
 def _unit(unit: str) -> str:
+    """A unit as LaTeX writes it; empty without a unit."""
     text = re.sub(r"\b1e(-?\d+) ", r"10^{\1}\\,", unit)
     text = re.sub(r"\^(-?\d+)", r"^{\1}", text).replace(" ", r"\,").replace("%", r"\%")
     return rf"$\mathrm{{{text}}}$" if text else ""
 
 
 def as_markdown(fit: Fitted) -> str:
-    """The rows of `as_latex` as a Markdown table."""
+    """The parameters of a fit as a table in Markdown."""
     rows = list(_rows(fit))
     cells = []
     for row in rows:

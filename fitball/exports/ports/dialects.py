@@ -1,15 +1,15 @@
-"""Languages as tables of texts."""
+"""The languages of the C family that kernels are translated to, as tables of texts."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from textwrap import wrap
-from typing import Any, get_args
+from typing import get_args
 
 from fitball.exports.ports import offered
-from fitball.exports.ports.source import Type, fields_of, origin_of
+from fitball.exports.ports.source import Constant, Type, fields_of, origin_of
 
-# Words of C, C# and JavaScript that a kernel may call a variable, as one does `event`. Compilers
-# refuse any other.
+# Words of C, C# and JavaScript that are no words of Python, so that a kernel may call a variable
+# so, such as `event`: the port then adds an underscore. Compilers refuse any other.
 RESERVED = {
     "case",
     "default",
@@ -23,8 +23,10 @@ RESERVED = {
     "short",
     "this",
 }
+# Functions of Python's `math` that all these languages have.
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan2")
-_EVERYWHERE: Mapping[str, Callable[..., Any]] = {
+# Helpers of all these languages: min and max as Python has them for NaN, and the sixth power.
+_EVERYWHERE: Mapping[str, Callable[..., object]] = {
     "min": offered.least,
     "max": offered.greatest,
     "**6": offered.sixth,
@@ -33,50 +35,55 @@ _EVERYWHERE: Mapping[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True)
 class Dialect:
-    """A language of the C family: `math` are functions of Python's `math`, `values` its constants,
-    `operators` those that are written otherwise, `helpers` what `offered` lends it; `types` are
-    empty where types are not written.
+    """A language of the C family, as formats of its texts.
+
+    `math` are functions of Python's `math`, `values` its constants. `helpers` are functions of
+    `offered` in place of what the language lacks. `operators` are those that are written otherwise
+    than in Python. `types` are empty where types are not written.
     """
 
     math: Mapping[str, str]
     values: Mapping[str, str]
-    helpers: Mapping[str, Callable[..., Any]]
+    helpers: Mapping[str, Callable[..., object]]
     operators: Mapping[str, str]
-    # A real number of a whole one, and a whole one of a real one.
+    # An integer as a real number, and a real number without its fraction as an integer.
     cast: str = "{}"
-    whole: str = "{}"
+    truncate: str = "{}"
     types: Mapping[Type, str] = field(default_factory=dict)
-    # What names of functions and types begin with; a struct or tuple of `items`, or of `named`
-    # ones, and how a constant one is written where that differs.
+    # What names of functions and types begin with.
     prefix: str = ""
+    # A struct or tuple, of `items` or of `named` fields.
     built: str = ""
+    # A struct as a constant, where that is written otherwise.
     initial: str = ""
-    # A variable with something harmless in it; what begins a function; what is said of a parameter
-    # that is not read.
+    # The declaration of a variable, with a harmless value.
     variable: str = ""
+    # The lines before the body of a function.
     head: str = ""
+    # A statement that names a parameter which is not read, so that compilers do not warn.
     unread: str = ""
-    # Behind no parameters; before a function that is offered.
+    # What stands in place of parameters where there are none.
     nothing: str = ""
+    # What stands before a function that is offered.
     offered: str = ""
-    # The definition of a struct of fields, one of which is a `member`; of a constant, and of a
-    # list.
+    # The definition of a struct, and of one of its fields.
     struct: str = ""
     member: str = ""
+    # The definition of a constant: a number, a struct, a list.
     constant_number: str = ""
     constant_struct: str = ""
     constant_list: str = ""
 
     def name(self, text: str) -> str:
-        """A variable or parameter."""
+        """The name of a variable or parameter."""
         return f"{text}_" if text in RESERVED else text
 
     def function(self, text: str) -> str:
-        """A function."""
+        """The name of a function."""
         return f"{self.prefix}{text}"
 
     def constant(self, text: str) -> str:
-        """A constant."""
+        """The name of a constant."""
         return f"{self.prefix.upper()}{text}"
 
     def type(self, kind: Type) -> str:
@@ -88,7 +95,7 @@ class Dialect:
         return f"{self.type(kind)} {name}" if self.types else name
 
     def local(self, kind: Type, name: str) -> str:
-        """A variable at the top of a function."""
+        """The declaration of a variable at the top of a function."""
         zero = "FITBALL_EMPTY_" if fields_of(kind) else "0"
         return self.variable.format(
             declared=self.declared(kind, self.name(name)),
@@ -97,7 +104,7 @@ class Dialect:
         )
 
     def make(self, kind: Type, texts: Sequence[str]) -> str:
-        """A struct or tuple of these."""
+        """A struct or tuple whose fields have these texts."""
         named = (f"{name}: {text}" for name, text in zip(fields_of(kind), texts, strict=True))
         return self.built.format(
             type=self.type(kind),
@@ -107,7 +114,7 @@ class Dialect:
 
     def definition(self, kind: Type) -> str:
         """The definition of a struct or tuple."""
-        taken = [self.declared(item, name) for name, item in fields_of(kind).items()]
+        taken = [self.declared(of_field, name) for name, of_field in fields_of(kind).items()]
         stores = " ".join(f"this.{name} = {name};" for name in fields_of(kind))
         fields = "\n".join(f"    {self.member.format(text)}" for text in taken)
         return self.struct.format(
@@ -117,24 +124,23 @@ class Dialect:
             stores=stores,
         )
 
-    def literal(self, value: Any) -> str:
-        """A number, or a named tuple of such, as a constant."""
+    def literal(self, value: Constant) -> str:
+        """A number, or a named tuple of numbers, as a constant is written."""
         if not isinstance(value, tuple):
             return repr(value)
-        items = [self.literal(item) for item in value]
-        return (
-            self.initial.format(", ".join(items)) if self.initial else self.make(type(value), items)
-        )
+        items = [self.literal(field) for field in value]
+        if self.initial:
+            return self.initial.format(", ".join(items))
+        return self.make(type(value), items)
 
-    def constant_of(self, name: str, value: Any) -> str:
+    def constant_of(self, name: str, value: Constant) -> str:
         """The definition of a constant."""
         form = self.constant_struct if isinstance(value, tuple) else self.constant_number
         if isinstance(value, list):
-            items = item_lines(map(self.literal, value))
             return self.constant_list.format(
                 type=self.type(type(value[0])),
                 name=self.constant(name),
-                items=items,
+                items=wrapped(map(self.literal, value)),
             )
         return form.format(
             type=self.type(type(value)),
@@ -143,13 +149,13 @@ class Dialect:
         )
 
 
-def item_lines(items: Iterable[str]) -> str:
-    """Items of a constant list, in lines."""
+def wrapped(items: Iterable[str]) -> str:
+    """The items of a constant list, separated by commas and wrapped into lines."""
     return "\n".join(wrap(", ".join(items), 110, initial_indent="    ", subsequent_indent="    "))
 
 
 def type_name(kind: Type) -> str:
-    """A name for a struct or a tuple."""
+    """The name of a struct, of a tuple, or of a type of Python."""
     if origin_of(kind) is tuple:
         return "_".join(["tuple", *map(type_name, get_args(kind))])
     return str(kind.__name__)
@@ -161,7 +167,7 @@ C = Dialect(
     _EVERYWHERE,
     {"//": "({} / {})", "<<": "((int64_t){} << {})"},
     cast="((double){})",
-    whole="((int64_t){})",
+    truncate="((int64_t){})",
     types={float: "double", int: "int64_t", bool: "bool"},
     prefix="fitball_",
     built="FITBALL_MAKE_({type}, {items})",
@@ -189,7 +195,7 @@ CSHARP = Dialect(
     },
     {"//": "({} / {})", "<<": "({} << (int)({}))"},
     offered="public ",
-    whole="((long){})",
+    truncate="((long){})",
     types={float: "double", int: "long", bool: "bool"},
     built="new {type}({items})",
     variable="{declared} = default({type})",
@@ -207,7 +213,7 @@ JAVASCRIPT = Dialect(
     {**_EVERYWHERE, "math.hypot": offered.hypot, "math.copysign": offered.copysign},
     # Its own operators on bits see 32 of them; phases are packed into bits that are free.
     {"//": "Math.floor({} / {})", "<<": "({} * 2 ** {})", "|": "({} + {})"},
-    whole="Math.trunc({})",
+    truncate="Math.trunc({})",
     built="{{ {named} }}",
     variable="let {declared}",
     head="/** {comment} */\nfunction {declared}({taken}) {{",

@@ -3,8 +3,8 @@ plane and in three dimensions with an answer for every impact, the self-test, an
 languages lack.
 
 They are never run here: `source` collects them like kernels. `SOLVED` is then the answer that
-FRONTS has for the solver of the model, and `FLAGS`, `LEVELS`, `GOLDEN` and `IMPACTS` are those of
-the port.
+FRONTS has for the solver of the model, and `FLAGS`, `LEVELS`, `GOLDEN`, `IMPACTS` and `GRIP_ONLY`
+are those of the port. Names and docstrings of functions stand in the files that users see.
 """
 
 import math
@@ -41,7 +41,7 @@ NO_SLIP = 1e-12
 
 
 class Parameters(NamedTuple):
-    """What functions here need of a port's parameter set, which has the columns of its model."""
+    """The parameters that functions here read. A port's own set has all columns of its model."""
 
     mu: float
     e_x: float
@@ -55,11 +55,14 @@ class Parameters(NamedTuple):
     v_y1_high: float
 
 
-# Set by the port, as is SOLVED below.
+# Values that each port has in place of these, as of SOLVED below. First the choices of its model.
 FLAGS: Flags = (0, 0, 0, 0, 0, 0)
+# A parameter set for each surface and ball.
 LEVELS: list[Parameters] = []
+# Numbers of the golden impacts, WIDTH for each of IMPACTS.
 GOLDEN: list[float] = []
 IMPACTS = 0
+# Whether the offset acts in a grip alone: 1, else 0.
 GRIP_ONLY = 0
 
 
@@ -131,9 +134,10 @@ def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: floa
 
 
 class Front(NamedTuple):
-    """What a port has of the models of one solver: `answer`, called as `two_mass`, has a rebound
-    for every impact with finite numbers. `grip_only` says of the choices of a model whether its
-    offset acts in a grip alone.
+    """What a port needs for the models of one solver.
+
+    `answer`, called as `two_mass`, has a rebound for every impact with finite numbers. `grip_only`
+    says by the choices of a model whether its offset acts in a grip alone.
     """
 
     answer: Callable[..., Outcome]
@@ -148,7 +152,8 @@ def _offset_in_grip(flags: Flags) -> bool:
     return flags[OFFSET] != OFFSET_CONTACT
 
 
-# A row a solver: a model whose solver has none is exported as numbers, never as source code.
+# The front of each solver. A model whose solver has none is exported as numbers, never as source
+# code.
 FRONTS: Mapping[type[KernelSolver], Front] = {
     TwoMass: Front(two_mass, _offset_in_grip),
     GripSlip: Front(grip_slip, _never),

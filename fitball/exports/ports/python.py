@@ -1,15 +1,14 @@
-"""The port in Python: the kernels' own text, with the arithmetic of IEEE 754 where Python raises an
-error instead.
+"""The port in Python: the text of the kernels, with the arithmetic of IEEE 754 where Python raises
+an error instead.
 """
 
 import ast
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from fitball.exports.ports import offered
-from fitball.exports.ports.dialects import item_lines
-from fitball.exports.ports.source import KernelSource, Type, fields_of, is_struct
+from fitball.exports.ports.dialects import wrapped
+from fitball.exports.ports.source import Constant, KernelSource, Type, fields_of, is_struct
 
 
 def over(a: float, b: float) -> float:
@@ -40,9 +39,9 @@ def whole(x: float) -> int:
     return int(x) if abs(x) < math.inf else 0
 
 
-# Cosines, sines and log1p of what is finite have no errors, and kernels have no others, whatever
-# the impact.
-HELPERS: Mapping[str, Callable[..., Any]] = {
+# Functions in place of those that raise errors. Cosines, sines and log1p of finite numbers raise
+# none, and kernels have no others, whatever the impact.
+HELPERS: Mapping[str, Callable[..., object]] = {
     "/": over,
     "**6": offered.sixth,
     "int": whole,
@@ -53,20 +52,20 @@ HELPERS: Mapping[str, Callable[..., Any]] = {
 
 
 def function_text(source: KernelSource, name: str) -> str:
-    """A function."""
+    """The definition of a function."""
     return ast.unparse(source.functions[name])
 
 
 def struct_text(kind: Type) -> str:
-    """The class of a named tuple; tuples need none."""
-    fields = (f"    {name}: {item.__name__}" for name, item in fields_of(kind).items())
-    return "\n".join([f"class {kind.__name__}(NamedTuple):", *fields]) if is_struct(kind) else ""
+    """The class of a named tuple; empty for a tuple, which needs none."""
+    if not is_struct(kind):
+        return ""
+    fields = [f"    {name}: {of_field.__name__}" for name, of_field in fields_of(kind).items()]
+    return "\n".join([f"class {kind.__name__}(NamedTuple):", *fields])
 
 
-def constant_text(name: str, value: Any) -> str:
+def constant_text(name: str, value: Constant) -> str:
     """The definition of a constant."""
-    return (
-        f"{name} = [\n{item_lines(map(repr, value))}]"
-        if isinstance(value, list)
-        else f"{name} = {value!r}"
-    )
+    if isinstance(value, list):
+        return f"{name} = [\n{wrapped(map(repr, value))}]"
+    return f"{name} = {value!r}"

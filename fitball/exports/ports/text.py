@@ -1,4 +1,7 @@
-"""Numbers, ranges, golden impacts and the text of a port; no text of a user becomes code."""
+"""The text of a port, with its numbers, measured ranges and golden impacts.
+
+No text of a user becomes code.
+"""
 
 import csv
 import io
@@ -31,20 +34,22 @@ from fitball.version import __version__
 # digit, 2e-16, which the search for the ends of phases amplifies a hundredfold or so.
 TOLERANCE = 1e-12
 # Vertical speeds of golden impacts where none were measured [m/s]: from a lob to a serve.
-SPEEDS = (4.0, 25.0)
-# Their speeds along the court over the vertical ones: balls that grip, both, and slide.
-ALONG = (0.3, 1.2, 4.0)
-# Their R omega over the vertical speeds: backspin, none, topspin.
-SPINNING = (-0.8, 0.0, 1.5)
-# What is the other way for a ball that flies to the left.
-MIRRORED = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
-# A double holds so many phases, and JavaScript has no other numbers.
-PHASES = 17
-# Characters of a name at most, beginnings included: C99 distinguishes 63.
-LONGEST = 40
-# Names that files have besides.
+GOLDEN_SPEEDS = (4.0, 25.0)
+# Speeds of golden impacts along the court, over the vertical ones: balls that grip, balls that do
+# both, balls that slide.
+GOLDEN_SLOPES = (0.3, 1.2, 4.0)
+# R omega of golden impacts over their vertical speeds: backspin, no spin, topspin.
+GOLDEN_SPINS = (-0.8, 0.0, 1.5)
+# Columns that have the other sign for a ball that flies to the left.
+MIRRORED_COLUMNS = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
+# Phases of a packed regime at most: 51 bits, which a double holds, and JavaScript has no other
+# numbers.
+MOST_PHASES = 17
+# Characters of the name of a constant at most: C99 distinguishes 63, with the prefix of a name.
+LONGEST_CONSTANT = 40
+# Names of constants that files have besides those of surfaces and balls.
 TAKEN_CONSTANTS = ("SELF_TEST",)
-# Punctuation that means nothing in a comment.
+# Punctuation that has no meaning in a comment of any language.
 HARMLESS = " .,:;_-+=()[]%'/&^×±"
 # Languages that are translated to; Python gets the kernels' own text.
 _DIALECTS: dict[str, Dialect] = {"c": C, "csharp": CSHARP, "javascript": JAVASCRIPT}
@@ -59,20 +64,24 @@ FILES = {
 
 
 def golden_of(parameters: ParameterSet) -> list[list[float]]:
-    """Impacts over the measured speeds, of all kinds of slip, every other one to the left: their
-    states, OUTPUTS and packed regimes. Raises ParameterError (`no-answer`) if the model has no
-    answer for any of them.
+    """Golden impacts over the measured speeds, of all kinds of slip, every second one to the left.
+
+    A row has the incident state, OUTPUTS and the packed regime of an impact, SI. Impacts for which
+    the model has no answer are left out.
+
+    Raises:
+        ParameterError: the model has no answer for any of them (`no-answer`).
     """
     model = parameters.model
     radius = parameters.values.get("ball_radius", model.ball.radius)
-    states = product(parameters.measured or SPEEDS, ALONG, SPINNING)
-    v_y, along, spinning = np.array(list(states)).T
-    impacts = Impacts(along * v_y, v_y, spinning * v_y / radius)
-    # As the kernel has it, with the phases of a drop.
+    states = product(parameters.measured or GOLDEN_SPEEDS, GOLDEN_SLOPES, GOLDEN_SPINS)
+    v_y, slope, spinning = np.array(list(states)).T
+    impacts = Impacts(slope * v_y, v_y, spinning * v_y / radius)
+    # `Model.evaluate` would take the phases of a drop away, which ports have.
     values = np.array([list(parameters.values.values())])
     rebound: Rebound = model.solve(model.ball, tuple(parameters.values), values, impacts, None)
     solved = rebound.status[0] == Status.OK
-    short = rebound.regime[0] < 1 << PHASES * PHASE_BITS
+    short = rebound.regime[0] < 1 << MOST_PHASES * PHASE_BITS
     good = solved & short
     if not good.any():
         reason = REASONS[Status(int(rebound.status[0, 0]))]
@@ -84,14 +93,16 @@ def golden_of(parameters: ParameterSet) -> list[list[float]]:
     for name in (*OUTPUTS, "regime"):
         columns[name] = getattr(rebound, name)[0]
     numbers = np.stack([*columns.values()], axis=1)[good]
-    numbers[1::2] *= [-1.0 if name in MIRRORED else 1.0 for name in columns]
+    numbers[1::2] *= [-1.0 if name in MIRRORED_COLUMNS else 1.0 for name in columns]
     rows: list[list[float]] = numbers.tolist()
     return rows
 
 
 def front_of(model: Model) -> Front:
-    """What a port of a model is built on. Raises ModelError (`no-port`) for a model whose solver
-    has no row of FRONTS.
+    """The functions that a port of a model is built on.
+
+    Raises:
+        ModelError: the solver of the model has no row of FRONTS (`no-port`).
     """
     for solver, front in FRONTS.items():
         if type(model.solve) is solver:
@@ -100,10 +111,17 @@ def front_of(model: Model) -> Front:
 
 
 def port(sets: Sequence[ParameterSet], language: str) -> str:
-    """The text of a port, or of the golden table, the impacts and rebounds of its self-test as CSV,
-    as FILES names them. `sets` are the surfaces and balls of one fit, each a constant of the file:
-    the same model and choices. Raises ModelError (`own-model`, and `no-port` without a front or of
-    a kernel that has no translation), ParameterError (`no-answer`, and as `Model.rebound`).
+    """The text of a port in a language of FILES, or of the golden table: the impacts and rebounds
+    of the self-test as CSV.
+
+    `sets` are the surfaces and balls of one fit, with the same model and choices. Each is a
+    constant of the file.
+
+    Raises:
+        ModelError: the model is a Python function (`own-model`), has no front, or a kernel has no
+            translation (`no-port`).
+        ParameterError: a parameter is missing (`parameters`), a value is outside its bounds
+            (`out-of-bounds`), or no golden impact has an answer (`no-answer`).
     """
     calls = [parameters.model.kernel_call(parameters.values) for parameters in sets]
     front = front_of(sets[0].model)
@@ -123,7 +141,7 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
         structs = [dialect.definition(kind) for kind in source.compounds]
         functions = [translated(source, name, dialect) for name in source.functions]
         constants = [dialect.constant_of(name, value) for name, value in source.constants.items()]
-    parts = {
+    sections = {
         "head": _indented(margin, _head(sets, names)),
         "licence": _indented(margin, _template("licence.txt").splitlines()),
         "structs": "\n".join(filter(None, structs)),
@@ -134,15 +152,16 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
     }
 
     def filled(match: re.Match[str]) -> str:
-        if match["line"]:
+        line = match["line"]
+        if line:
+            copies = enumerate(names)
             return "\n".join(
-                match["line"].replace("@name@", name).replace("@place@", str(k))
-                for k, name in enumerate(names)
+                line.replace("@name@", name).replace("@place@", str(k)) for k, name in copies
             )
-        return _indented(match["indent"], parts[match["part"]].split("\n"))
+        return _indented(match["indent"], sections[match["section"]].split("\n"))
 
-    # A line of a template with @name@ stands for one of each set.
-    pattern = r"(?m)^(?P<line>.*@name@.*)$|(?P<indent>(?:^ +)?)@(?P<part>[a-z]+)@"
+    # A line of a template with @name@ is written once for each set.
+    pattern = r"(?m)^(?P<line>.*@name@.*)$|(?P<indent>(?:^ +)?)@(?P<section>[a-z]+)@"
     return re.sub(pattern, filled, _template(f"port.{language}"))
 
 
@@ -152,7 +171,7 @@ def _indented(margin: str, lines: Sequence[str]) -> str:
 
 
 def _check_translation(source: KernelSource) -> None:
-    """Raises UnportableError for what C would not be given: Python would notice it only when the
+    """Raise UnportableError for what has no translation to C. Python would notice it only when the
     file is run, if at all.
     """
     for name in source.functions:
@@ -166,16 +185,16 @@ def _source(
     golden: Sequence[list[list[float]]],
     dialect: Dialect | None,
 ) -> KernelSource:
-    """The functions of a port with its numbers."""
-    # Named tuples whose fields are known at run time alone.
+    """The functions of a port with its numbers, for a dialect or, without one, for Python."""
+    # Named tuples whose fields depend on the model.
     struct: Any = NamedTuple
     columns = (*calls[0].columns, "v_y1_low", "v_y1_high")
     row_type = struct("Parameters", [(name, float) for name in columns])
     choices = struct("Choices", [(name, int) for name, _ in FLAG_CHOICES])
     flags = calls[0].flags
-    numbers = [
-        [float(k), *np.nan_to_num(row).tolist()] for k, rows in enumerate(golden) for row in rows
-    ]
+    numbers = []
+    for k, rows in enumerate(golden):
+        numbers += [[float(k), *np.nan_to_num(row).tolist()] for row in rows]
     constants = {
         "SOLVED": front.answer,
         "FLAGS": choices(*flags),
@@ -186,7 +205,7 @@ def _source(
         "GOLDEN": list(chain.from_iterable(numbers)),
         "IMPACTS": len(numbers),
         "GRIP_ONLY": int(front.grip_only(flags)),
-        "MAX_PACKED_PHASES": PHASES,
+        "MAX_PACKED_PHASES": MOST_PHASES,
     }
     types = {FloatArray: row_type, Flags: choices, offered.Parameters: row_type}
     helpers = python.HELPERS if dialect is None else dialect.helpers
@@ -207,7 +226,7 @@ def _golden_table(sets: Sequence[ParameterSet], golden: Sequence[list[list[float
 
 
 def _names(labels: Sequence[str]) -> list[str]:
-    """Constants for labels: capitals, digits and underscores of ASCII, all different."""
+    """Names of constants for labels: capitals, digits and underscores of ASCII, all different."""
     names: list[str] = []
     for label in labels:
         # Letters without their accents.
@@ -216,14 +235,14 @@ def _names(labels: Sequence[str]) -> list[str]:
         name = re.sub("[^A-Z0-9]+", "_", plain).strip("_")
         if not name[:1].isalpha():
             name = f"BALL_{name}".rstrip("_")
-        name = name[:LONGEST].rstrip("_")
+        name = name[:LONGEST_CONSTANT].rstrip("_")
         numbered = chain([name], (f"{name}_{k}" for k in count(2)))
         names.append(next(name for name in numbered if name not in (*names, *TAKEN_CONSTANTS)))
     return names
 
 
 def _head(sets: Sequence[ParameterSet], names: Sequence[str]) -> list[str]:
-    """What stands at the head of a port, in lines."""
+    """The comment at the head of a port, in lines: origin, sets, parameters and usage."""
     first = sets[0]
     phases = ", ".join(f"{int(phase)} {name}" for phase, name in PHASE_NAMES.items())
     sentences = [
@@ -253,10 +272,10 @@ def _head(sets: Sequence[ParameterSet], names: Sequence[str]) -> list[str]:
 
 
 def source_text(text: str) -> str:
-    """`text` as it may be in a comment of every language: letters, digits and harmless punctuation
-    as they are, every other character by its code point, such as U+005C.
+    """`text` made safe for a comment of every language. Letters, digits and harmless punctuation
+    stay, every other character becomes its code point, such as U+005C.
 
-    Nothing is left that ends a comment, a string or a script, continues or breaks a line, begins an
+    Nothing remains that ends a comment, a string or a script, continues or breaks a line, begins an
     escape, a trigraph or a directive, or turns the direction of text.
     """
     return "".join(

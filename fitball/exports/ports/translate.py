@@ -1,5 +1,7 @@
-"""The typed walk over the trees, the same for all languages of the C family: variables are declared
-at the top of their function, with inferred types, and what has no translation is refused.
+"""The typed walk over syntax trees of kernels, the same for all languages of the C family.
+
+Variables are declared at the top of their function, with inferred types. What has no translation is
+refused.
 """
 
 import ast
@@ -18,6 +20,7 @@ from fitball.exports.ports.source import (
     type_of,
 )
 
+# Operators of Python as they are written, before `Dialect.operators` changes them.
 _SIGNS: Mapping[type[ast.AST], str] = {
     ast.Add: "+",
     ast.Sub: "-",
@@ -36,44 +39,45 @@ _SIGNS: Mapping[type[ast.AST], str] = {
     ast.And: "&&",
     ast.Or: "||",
 }
-_WHOLE = ("//", "%", "|", "<<")
+# Operators that only integers have.
+_OF_INTEGERS = ("//", "%", "|", "<<")
 
 
 def translated(source: KernelSource, name: str, dialect: Dialect) -> str:
-    """One function in a language. Raises UnportableError for what has no translation."""
+    """One function of a source, in the language of a dialect.
+
+    Raises:
+        UnportableError: a construct has no translation (`no-port`).
+    """
     walk = _Walk(source, name, dialect)
     walk.infer()
     function = source.functions[name]
     kinds, result = source.signatures[name]
-    names = [argument.arg for argument in function.args.args]
-    lines = [
-        *(
-            f"{dialect.local(walk.kinds[own], own)};"
-            for own in sorted(walk.kinds.keys() - set(names))
-        ),
-        *(
-            dialect.unread.format(dialect.name(own))
-            for own in names
-            if own not in walk.read and dialect.unread
-        ),
-        *(line for item in walk.body for line in walk.statement(item)),
-    ]
-    taken = ", ".join(
-        dialect.declared(kind, dialect.name(own)) for kind, own in zip(kinds, names, strict=True)
-    )
-    comment = " ".join((ast.get_docstring(function) or "").split("\n\n")[0].split())
+    parameters = [argument.arg for argument in function.args.args]
+    variables = sorted(walk.kinds.keys() - set(parameters))
+    lines = [f"{dialect.local(walk.kinds[variable], variable)};" for variable in variables]
+    if dialect.unread:
+        unread = [parameter for parameter in parameters if parameter not in walk.read]
+        lines += [dialect.unread.format(dialect.name(parameter)) for parameter in unread]
+    for statement in walk.body:
+        lines += walk.statement(statement)
+    declared = []
+    for kind, parameter in zip(kinds, parameters, strict=True):
+        declared.append(dialect.declared(kind, dialect.name(parameter)))
+    summary = (ast.get_docstring(function) or "").split("\n\n")[0]
+    comment = " ".join(summary.split()).replace("*/", "* /")
     head = dialect.head.format(
-        comment="\n   ".join(wrap(comment.replace("*/", "* /"), 110)),
+        comment="\n   ".join(wrap(comment, 110)),
         declared=dialect.declared(result, dialect.function(name)),
-        taken=taken or dialect.nothing,
+        taken=", ".join(declared) or dialect.nothing,
         offered="" if name.endswith("_") else dialect.offered,
     )
     return "\n".join([head, *(f"    {line}" for line in lines), "}"])
 
 
 def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
-    """Statements with one target an assignment; a tuple is held first if what is stored is read in
-    it.
+    """Statements in which each assignment has a single target. A tuple is stored in a variable of
+    its own first if its targets are read in it.
     """
     for node in body:
         match node:
@@ -83,10 +87,10 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
                 yield _stored(other, node.value)
                 yield _stored(first, ast.Name(other, ast.Load()))
             case ast.Assign(
-                value=ast.IfExp(test=test, body=ast.Tuple(elts=ones), orelse=ast.Tuple(elts=others))
+                value=ast.IfExp(test=test, body=ast.Tuple(elts=yes), orelse=ast.Tuple(elts=no))
             ):
-                parts: list[ast.expr] = list(map(ast.IfExp, [test] * len(ones), ones, others))
-                yield from _simple([ast.Assign(node.targets, ast.Tuple(parts, ast.Load()))])
+                choices: list[ast.expr] = list(map(ast.IfExp, [test] * len(yes), yes, no))
+                yield from _simple([ast.Assign(node.targets, ast.Tuple(choices, ast.Load()))])
             case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)):
                 yield from _several(targets, values)
             case ast.Assign(targets=[ast.Tuple(elts=targets)]):
@@ -104,7 +108,9 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
 
 
 def _several(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> Iterator[ast.stmt]:
-    """The assignments of `a, b = x, y`; values are held first if a target is read in them."""
+    """The assignments of `a, b = x, y`. Values are stored in other variables first if a target is
+    read in them.
+    """
     if _names(targets) & _names(values):
         held = [f"{ast.unparse(target)}_now" for target in targets]
         yield from map(_stored, held, values)
@@ -114,12 +120,12 @@ def _several(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> Iterato
 
 
 def _unpacked(targets: Sequence[ast.expr], value: ast.expr) -> Iterator[ast.stmt]:
-    """The assignments of `a, b = f(x)`: the tuple is held, and its fields are taken."""
+    """The assignments of `a, b = f(x)`: the tuple is stored, and its fields are read."""
     names = [ast.unparse(target).strip("_") or "none" for target in targets]
     held = "_".join(["of", *names])
     yield _stored(held, value)
-    for place, target in enumerate(targets):
-        field = ast.Subscript(ast.Name(held, ast.Load()), ast.Constant(place), ast.Load())
+    for number, target in enumerate(targets):
+        field = ast.Subscript(ast.Name(held, ast.Load()), ast.Constant(number), ast.Load())
         yield _stored(ast.unparse(target), field)
 
 
@@ -140,35 +146,37 @@ class _UnknownYetError(UnportableError):
 
 
 class _Walk:
-    """The walk over one function: `kinds` are the types of its parameters, then of its locals
-    too.
+    """The walk over one function: `kinds` are the types of its parameters, then of its other
+    variables too; `read` are the names that it reads.
     """
 
     def __init__(self, source: KernelSource, name: str, dialect: Dialect) -> None:
-        self.all = source
+        self.source = source
         self.dialect = dialect
-        self.of = name
+        self.name = name
         function = source.functions[name]
         kinds, self.result = source.signatures[name]
-        self.kinds: dict[str, Type] = dict(
-            zip((item.arg for item in function.args.args), kinds, strict=True)
-        )
+        parameters = [argument.arg for argument in function.args.args]
+        self.kinds: dict[str, Type] = dict(zip(parameters, kinds, strict=True))
         self.body = list(_simple(function.body))
-        nodes = [
-            node for item in self.body for node in ast.walk(item) if isinstance(node, ast.Name)
-        ]
-        self.read = {node.id for node in nodes if isinstance(node.ctx, ast.Load)}
+        names = [node for node in self.nodes() if isinstance(node, ast.Name)]
+        self.read = {name.id for name in names if isinstance(name.ctx, ast.Load)}
+
+    def nodes(self) -> Iterator[ast.AST]:
+        """The nodes of all statements."""
+        for statement in self.body:
+            yield from ast.walk(statement)
 
     def infer(self) -> None:
-        """Fill in the types of the locals that are read: assignments are gone through until nothing
-        changes.
+        """Find the types of the variables that are read: assignments are gone through until nothing
+        changes. Raises UnportableError if a type is not found, or a parameter changes its type.
         """
         before = None
         waiting = ""
         while before != self.kinds:
             before = dict(self.kinds)
             waiting = ""
-            for node in (part for item in self.body for part in ast.walk(item)):
+            for node in self.nodes():
                 match node:
                     case ast.For(target=ast.Name(id=name)):
                         self.kinds[name] = int
@@ -179,26 +187,30 @@ class _Walk:
                             waiting = str(error)
                         else:
                             self.kinds[name] = self.joined(self.kinds.get(name, kind), kind, value)
-        wanted, _ = self.all.signatures[self.of]
+        wanted, _ = self.source.signatures[self.name]
         if waiting or tuple(self.kinds.values())[: len(wanted)] != wanted:
-            raise UnportableError(f"{self.of}: {waiting or 'a parameter changes its type'}")
+            raise UnportableError(f"{self.name}: {waiting or 'a parameter changes its type'}")
 
-    def joined(self, one: Type, other: Type, node: ast.AST) -> Type:
-        """The type that holds values of both. Raises UnportableError when there is none."""
-        if one != other and {one, other} != {float, int}:
+    def joined(self, first: Type, second: Type, node: ast.AST) -> Type:
+        """The type that holds values of both types. Raises UnportableError when there is none."""
+        if first == second:
+            return first
+        if {first, second} != {float, int}:
             raise _refused(node)
-        return one if one == other else float
+        return float
 
     def fitted(self, node: ast.expr, wanted: Type) -> str:
-        """The text of an expression where `wanted` is held."""
+        """The text of an expression where a value of the type `wanted` is needed. Raises
+        UnportableError where the expression has another type.
+        """
         text, kind = self.code(node)
         if self.joined(wanted, kind, node) != wanted:
             raise _refused(node)
         return self.dialect.cast.format(text) if kind != wanted else text
 
     def code(self, node: ast.expr) -> tuple[str, Type]:
-        """Text and type of an expression. Raises UnportableError for a construct that is not
-        known.
+        """Text and type of an expression. Raises UnportableError for a construct that has no
+        translation.
         """
         match node:
             case ast.Constant() | ast.Name():
@@ -209,13 +221,10 @@ class _Walk:
                 text, kind = self.code(node.operand)
                 if (kind is bool) == isinstance(node.op, ast.Not):
                     return f"({'!' if kind is bool else '-'}{text})", kind
-            case ast.IfExp(test=test, body=one, orelse=other):
-                kind = self.joined(self.code(one)[1], self.code(other)[1], node)
-                return (
-                    f"({self.fitted(test, bool)} ? {self.fitted(one, kind)} : "
-                    f"{self.fitted(other, kind)})",
-                    kind,
-                )
+            case ast.IfExp(test=test, body=yes, orelse=no):
+                kind = self.joined(self.code(yes)[1], self.code(no)[1], node)
+                condition = self.fitted(test, bool)
+                return f"({condition} ? {self.fitted(yes, kind)} : {self.fitted(no, kind)})", kind
             case ast.Attribute() | ast.Subscript():
                 return self.field(node)
             case ast.Call():
@@ -231,8 +240,8 @@ class _Walk:
                 return repr(number), type(number)
             case ast.Name(id=name) if name in self.kinds:
                 return self.dialect.name(name), self.kinds[name]
-            case ast.Name(id=name) if name in self.all.constants:
-                return self.dialect.constant(name), type_of(self.all.constants[name])
+            case ast.Name(id=name) if name in self.source.constants:
+                return self.dialect.constant(name), type_of(self.source.constants[name])
             case ast.Name(id=name):
                 raise _UnknownYetError(f"{name} is read before its type is known")
         raise _refused(node)
@@ -248,104 +257,104 @@ class _Walk:
                 text, kind = self.code(value)
                 if is_struct(kind) and name in fields_of(kind):
                     return f"{text}.{name}", fields_of(kind)[name]
-            case ast.Subscript(value=value, slice=place):
+            case ast.Subscript(value=value, slice=index):
                 text, kind = self.code(value)
                 if origin_of(kind) is list:
-                    return f"{text}[{self.fitted(place, int)}]", get_args(kind)[0]
-                field = f"f{ast.unparse(place)}"
+                    return f"{text}[{self.fitted(index, int)}]", get_args(kind)[0]
+                field = f"f{ast.unparse(index)}"
                 if origin_of(kind) is tuple and field in fields_of(kind):
                     return f"{text}.{field}", fields_of(kind)[field]
         raise _refused(node)
 
     def operated(self, node: ast.BinOp | ast.Compare | ast.BoolOp) -> tuple[str, Type]:
-        """Operators: of numbers, comparisons in a chain, truth values."""
-        d = self.dialect
+        """Text and type of an operation: of numbers, of truth values, or comparisons in a chain."""
         if isinstance(node, ast.BoolOp):
             sign = f" {_SIGNS[type(node.op)]} "
-            return f"({sign.join(self.fitted(item, bool) for item in node.values)})", bool
+            return f"({sign.join(self.fitted(value, bool) for value in node.values)})", bool
         if isinstance(node, ast.Compare):
-            terms = [node.left, *node.comparators]
-            codes = [self.code(term) for term in terms]
-            # What stands in the middle would be evaluated twice.
-            if any(
-                isinstance(part, ast.Call) for term in terms[1:-1] for part in ast.walk(term)
-            ) or not all(kind in (int, float) for _, kind in codes):
-                raise _refused(node)
-            steps = zip(codes, node.ops, codes[1:], strict=False)
-            links = [f"({left} {_SIGNS[type(op)]} {right})" for (left, _), op, (right, _) in steps]
-            return links[0] if len(links) == 1 else f"({' && '.join(links)})", bool
+            return self.compared(node), bool
         sign = _SIGNS.get(type(node.op), "")
-        left, one = self.code(node.left)
-        right, other = self.code(node.right)
-        kind = self.joined(one, other, node)
-        # The quotient of whole numbers is none.
-        if (
-            not sign
-            or (sign in _WHOLE and kind is not int)
-            or (sign == "/" and kind is int)
-            or kind is bool
-        ):
+        first, first_kind = self.code(node.left)
+        second, second_kind = self.code(node.right)
+        kind = self.joined(first_kind, second_kind, node)
+        only_for_integers = sign in _OF_INTEGERS and kind is not int
+        # Of integers `/` has another meaning in other languages.
+        integers_divided = sign == "/" and kind is int
+        if not sign or only_for_integers or integers_divided or kind is bool:
             raise _refused(node)
-        return d.operators.get(sign, f"({{}} {sign} {{}})").format(left, right), kind
+        form = self.dialect.operators.get(sign, f"({{}} {sign} {{}})")
+        return form.format(first, second), kind
+
+    def compared(self, node: ast.Compare) -> str:
+        """The text of a comparison, or of a chain of comparisons of numbers."""
+        terms = [node.left, *node.comparators]
+        codes = [self.code(term) for term in terms]
+        # Terms in the middle are evaluated twice, which must not be a call.
+        twice = [inner for term in terms[1:-1] for inner in ast.walk(term)]
+        numbers = all(kind in (int, float) for _, kind in codes)
+        if not numbers or any(isinstance(inner, ast.Call) for inner in twice):
+            raise _refused(node)
+        links = []
+        for operator, (first, _), (second, _) in zip(node.ops, codes, codes[1:], strict=False):
+            links.append(f"({first} {_SIGNS[type(operator)]} {second})")
+        return links[0] if len(links) == 1 else f"({' && '.join(links)})"
 
     def called(self, node: ast.Call) -> tuple[str, Type]:
-        """Functions, and named tuples made or made anew with other fields."""
+        """Text and type of a call: of a function or of the class of a named tuple, or a named tuple
+        with other fields.
+        """
         d = self.dialect
         match node:
             case ast.Call(
                 func=ast.Attribute(value=ast.Name(id="math"), attr=name), keywords=[]
             ) if name in d.math:
-                return d.math[name].format(
-                    ", ".join(self.fitted(item, float) for item in node.args)
-                ), float
+                arguments = [self.fitted(argument, float) for argument in node.args]
+                return d.math[name].format(", ".join(arguments)), float
             case ast.Call(func=ast.Name(id="abs"), args=[value], keywords=[]):
                 return d.math["fabs"].format(self.fitted(value, float)), float
             case ast.Call(func=ast.Name(id="int"), args=[value], keywords=[]):
-                return d.whole.format(self.fitted(value, float)), int
+                return d.truncate.format(self.fitted(value, float)), int
             case ast.Call(func=ast.Attribute(value=ast.Name() as value, attr="_replace"), args=[]):
                 text, kind = self.code(value)
-                changed = {item.arg: item.value for item in node.keywords}
-                items = [
-                    self.fitted(changed.pop(field), item) if field in changed else f"{text}.{field}"
-                    for field, item in fields_of(kind).items()
-                ]
-                if not changed:
-                    return d.make(kind, items), kind
-            case ast.Call(func=ast.Name(id=name), keywords=[]) if name in self.all.signatures:
-                wanted, result = self.all.signatures[name]
-                return (
-                    f"{d.function(name)}({', '.join(self.items(node.args, wanted, node))})",
-                    result,
-                )
+                changes = {keyword.arg: keyword.value for keyword in node.keywords}
+                fields = []
+                for field, wanted in fields_of(kind).items():
+                    change = changes.pop(field, None)
+                    fields.append(
+                        f"{text}.{field}" if change is None else self.fitted(change, wanted)
+                    )
+                if not changes:
+                    return d.make(kind, fields), kind
+            case ast.Call(func=ast.Name(id=name), keywords=[]) if name in self.source.signatures:
+                kinds, result = self.source.signatures[name]
+                arguments = self.texts(node.args, kinds, node)
+                return f"{d.function(name)}({', '.join(arguments)})", result
             case ast.Call(func=ast.Name(id=name), keywords=[]):
-                for kind in self.all.compounds:
+                for kind in self.source.compounds:
                     if is_struct(kind) and kind.__name__ == name:
-                        return d.make(
-                            kind,
-                            self.items(node.args, list(fields_of(kind).values()), node),
-                        ), kind
+                        kinds = tuple(fields_of(kind).values())
+                        return d.make(kind, self.texts(node.args, kinds, node)), kind
         raise _refused(node)
 
-    def items(self, nodes: Sequence[ast.expr], wanted: Sequence[Type], node: ast.AST) -> list[str]:
-        """Texts of as many expressions as are wanted."""
+    def texts(self, nodes: Sequence[ast.expr], wanted: Sequence[Type], node: ast.AST) -> list[str]:
+        """Texts of expressions of the types `wanted`, which are parts of `node`. Raises
+        UnportableError unless there are as many expressions as types.
+        """
         if len(nodes) != len(wanted):
             raise _refused(node)
-        return [self.fitted(item, kind) for item, kind in zip(nodes, wanted, strict=True)]
+        return [self.fitted(value, kind) for value, kind in zip(nodes, wanted, strict=True)]
 
     def statement(self, node: ast.stmt) -> list[str]:
-        """The lines of a statement."""
+        """The lines of a statement. Raises UnportableError for what has no translation."""
         d = self.dialect
         match node:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                return (
-                    [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"]
-                    if name in self.read
-                    else []
-                )
-            case ast.Return(value=ast.Tuple(elts=items)) if origin_of(self.result) is tuple:
-                return [
-                    f"return {d.make(self.result, self.items(items, get_args(self.result), node))};"
-                ]
+                if name not in self.read:
+                    return []
+                return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"]
+            case ast.Return(value=ast.Tuple(elts=values)) if origin_of(self.result) is tuple:
+                texts = self.texts(values, get_args(self.result), node)
+                return [f"return {d.make(self.result, texts)};"]
             case ast.Return(value=ast.expr() as value):
                 return [f"return {self.fitted(value, self.result)};"]
             case ast.Break() | ast.Continue():
@@ -358,23 +367,21 @@ class _Walk:
             case ast.For(
                 target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)
             ) if len(bounds) <= 2:
-                stored = {
-                    ast.unparse(part.targets[0])
-                    for part in ast.walk(node)
-                    if isinstance(part, ast.Assign)
-                }
-                # The end of the range is looked at in each turn.
+                assignments = [inner for inner in ast.walk(node) if isinstance(inner, ast.Assign)]
+                stored = {ast.unparse(assignment.targets[0]) for assignment in assignments}
+                # Other languages look at the end of the range before each turn.
                 if _names(bounds) & stored or name in stored:
                     raise _refused(node)
                 first, end = ["0", *(self.fitted(bound, int) for bound in bounds)][-2:]
-                own = d.name(name)
+                k = d.name(name)
                 return [
-                    f"for ({own} = {first}; {own} < {end}; {own} = {own} + 1) {{",
+                    f"for ({k} = {first}; {k} < {end}; {k} = {k} + 1) {{",
                     *self.inner(node.body),
                     "}",
                 ]
         raise _refused(node)
 
     def inner(self, body: Iterable[ast.stmt]) -> list[str]:
-        """The lines of a block."""
-        return [f"    {line}" for item in body for line in self.statement(item)]
+        """The lines of a block, indented."""
+        lines = [line for statement in body for line in self.statement(statement)]
+        return [f"    {line}" for line in lines]
