@@ -25,7 +25,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
 from fitball.report import compare as page
 from fitball.uses import compare, left_out
-from fitball.uses.left_out import Weighted, held_out, leave_one_out
+from fitball.uses.left_out import WeightedDraws, leave_one_out, maxima_without
 
 ONE = Choices(pool={"all": "none"})
 
@@ -47,7 +47,7 @@ def line_with_draws(change=None):
     q = problem.prior.coordinate(draws)
     best = problem.prior.coordinate(centre[None])
     equal_weights = np.full(4000, -np.log(4000))
-    return problem, best, Weighted(q, equal_weights, 1.0, True)
+    return problem, best, WeightedDraws(q, equal_weights, 1.0, True)
 
 
 def without(problem, rows):
@@ -80,7 +80,7 @@ def scored(problem, best, draws):
 def drawn_about(problem, best, least):
     """Draws from the proposal at a maximum."""
     begin = [left_out.proposal(problem, best[0])]
-    return left_out.drawn(problem, begin, Effort(), least, "here")
+    return left_out.weighted_draws(problem, begin, Effort(), least, "here")
 
 
 @pytest.mark.parametrize("weighted", [False, True])
@@ -90,7 +90,7 @@ def test_scores_and_predictions_of_a_line_are_those_in_closed_form(weighted):
         # From a proposal that is far too wide: without their weights draws would be no posterior.
         proposal = left_out.proposal(problem, best[0])
         wide = replace(proposal, factor=8.0 * proposal.factor)
-        draws = left_out.drawn(problem, [wide], Effort(), 1500.0, "here")
+        draws = left_out.weighted_draws(problem, [wide], Effort(), 1500.0, "here")
     result = scored(problem, best, draws)
     mean, scores = exact_scores(problem)
     assert not result.refitted.all()
@@ -144,12 +144,12 @@ def test_an_impact_without_which_weights_are_unreliable_is_refitted(monkeypatch)
 def test_long_tables_are_scored_by_parts(monkeypatch):
     problem, best, draws = line_with_draws()
     at_once = scored(problem, best, draws).elpd
-    monkeypatch.setattr(left_out, "ENTRIES", 4000 * 5)
-    monkeypatch.setattr(left_out, "FEWEST", 4000)
+    monkeypatch.setattr(left_out, "MOST_DENSITIES", 4000 * 5)
+    monkeypatch.setattr(left_out, "LEAST_SCORING_DRAWS", 4000)
     in_parts = scored(problem, best, draws).elpd
     assert_allclose(in_parts, at_once, rtol=1e-12)
     # Fewer draws, evenly spread, are less sure.
-    monkeypatch.setattr(left_out, "FEWEST", 1000)
+    monkeypatch.setattr(left_out, "LEAST_SCORING_DRAWS", 1000)
     thinned = scored(problem, best, draws).elpd
     assert 0.0 < np.abs(thinned - at_once).max() < 0.1
 
@@ -197,7 +197,7 @@ def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table)
     monkeypatch.setattr(left_out, "sample", chains)
     begin = [left_out.proposal(problem, best[0])]
     three = problem.without_rows(np.arange(3, 12))
-    draws = left_out.drawn(three, begin, Effort(), 2000.0, "here")
+    draws = left_out.weighted_draws(three, begin, Effort(), 2000.0, "here")
     assert not efforts
     assert not draws.settled
     assert len(draws.q) > 2000
@@ -206,14 +206,14 @@ def test_chains_are_short_and_none_are_made_of_three_impacts(monkeypatch, table)
     task = compare._Task(four, ("v_x2",), {}, Effort())
     with pytest.raises(RuntimeError):
         compare._scored(task)
-    assert efforts[0].max_steps == compare.STEPS
-    assert Effort().max_steps > compare.STEPS
+    assert efforts[0].max_steps == compare.MOST_CHAIN_STEPS
+    assert Effort().max_steps > compare.MOST_CHAIN_STEPS
 
 
 def test_labels_left_out_are_predicted_by_the_maximum_without_them():
     problem, best, _ = line_with_draws()
     folds = [np.arange(3), np.arange(3, 12)]
-    maxima, predicted = held_out(problem, best, folds)
+    maxima, predicted = maxima_without(problem, best, folds)
     for rows, maximum in zip(folds, maxima, strict=True):
         mean, _ = without(problem, rows)
         assert_allclose(predicted[rows, 0], mean, atol=2e-3 * line.SD)
@@ -240,7 +240,7 @@ def test_stacking_is_the_best_mixture():
     best = min(minimum.fun for minimum in minima)
     assert weights.sum() == pytest.approx(1.0)
     assert weights[3] < 1e-3
-    assert gap < compare.GAP
+    assert gap < compare.STACKING_GAP
     assert loss(weights) == pytest.approx(best, abs=2e-6)
     # Equal models share; scores far apart overflow nothing.
     weights_of_equals, _ = compare.stacking(np.full((5, 2), -800.0))
@@ -376,6 +376,45 @@ def test_a_fit_compares_its_own_model_with_those_that_can_differ(table, model, t
     assert len(texts) == len(usual) + (text == "")
 
 
+def test_columns_that_part_the_impacts_alike_are_one_way_to_leave_them_out(table):
+    """As surfaces that have a table each, which are fitted together."""
+    hard, clay = (rows for _, rows in table.groupby("surface"))
+    fit = fitball.calibrate(
+        [hard, clay], model="grip-slip", point_only=True, pool={"mu": "surface"}
+    )
+    assert {"surface", "table"} <= fit.run.table.labels.keys()
+    assert list(compare._folds(fit.run.table)) == ["surface"]
+    result = fit.compare(models="grip-slip,brody", cores=1, progress=False)
+    models = result.frames["models"]
+    assert "rms_v_x2_without_surface" in models
+    assert not any("without_table" in name for name in models)
+    # The pool of the fit counts in both models.
+    quantities = result.frames["quantities"]
+    for model in ("grip-slip", "brody"):
+        names = {*quantities["name"][quantities["model"] == model]}
+        assert "mu[hard]" in names
+        assert "mu" not in names
+    other = hard.assign(day=["a", "b"] * (len(hard) // 2) + ["a"] * (len(hard) % 2))
+    folds = compare._folds(fitball.load_table(other))
+    assert list(folds) == ["day"]
+    assert sorted(np.concatenate(folds["day"])) == list(range(len(hard)))
+
+
+def test_models_of_drops_are_compared_where_they_are_named():
+    """By the vertical motion, which is all that the table has."""
+    fit = fitball.calibrate("synthetic_drop", point_only=True)
+    with pytest.raises(fitball.FitballError) as caught:
+        fit.compare(progress=False)
+    assert caught.value.code == "one-model"
+    result = fit.compare(models="two-mass+normal=total,grip-slip", cores=1, progress=False)
+    models = result.frames["models"]
+    # Both have the same law of restitution, and nothing else acts.
+    assert np.ptp(models["elpd"]) < 0.1
+    assert np.ptp(models["rms_v_y2"]) < 1e-3
+    assert "rms_v_x2" not in models
+    assert "few-impacts" in {note.code for note in result.notes}
+
+
 def never(v_x1, v_y1, omega_1, ball, a="normal(0, 1)"):
     return np.where(v_y1 > 15.0, np.nan, v_x1), v_y1, omega_1
 
@@ -425,7 +464,7 @@ def test_what_not_all_predict_is_not_scored(table):
     timed = table.assign(contact_time=0.005)
     loaded = load_data([timed], Scene(), True)
     problems = compare.problems_of(*loaded, ONE, ["thesis-exact", "brody"], False)
-    columns = compare._common(problems)
+    columns = compare._common_columns(problems)
     assert columns == ("v_x2", "v_y2", "omega_2")
     notes = compare._remarks(problems, columns, {}, 0.0)
     (not_scored,) = (note for note in notes if note.code == "not-scored")
