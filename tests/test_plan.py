@@ -178,13 +178,13 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
 
 def test_a_drop_shows_the_vertical_speed_alone(straight):
     frames = frames_of(straight, sensor={"drop": "1 m"}, count=1)
-    found = frames["others"].iloc[0]
+    result = frames["others"].iloc[0]
     fall = {"v_1": np.sqrt(2 * 9.80665), "theta_1": np.pi / 2, "omega_1": 0.0}
-    assert found["sensor"] == "drop"
-    assert found["v_1"] == pytest.approx(fall["v_1"])
+    assert result["sensor"] == "drop"
+    assert result["v_1"] == pytest.approx(fall["v_1"])
     of_v_y2 = slopes(fall)[1:2]
     wanted = gain_of(covariance(straight), [of_v_y2])
-    assert found["gain"] == pytest.approx(wanted, rel=1e-6)
+    assert result["gain"] == pytest.approx(wanted, rel=1e-6)
 
 
 def test_a_noise_is_learned_by_its_own_information():
@@ -256,17 +256,17 @@ def test_errors_of_states_widen_what_is_measured(together):
         follows = 0.6 * 0.3 / 0.4
         rest = 0.3 * 0.8
     fit = linear_fit(frame)
-    found = fitball.plan(fit, sensor={}, **GRID)
+    result = fitball.plan(fit, sensor={}, **GRID)
     prior = covariance(fit)
     # Variances in units of the noise, of v_x2 and of omega_2.
     of_v_x2 = ((0.6 - follows) * 0.4 / 0.3) ** 2 + (rest / 0.3) ** 2
     of_omega_2 = (0.5 * 9.0 / 6.0) ** 2
     widening = np.sqrt([[1.0 + of_v_x2], [1.0], [1.0 + of_omega_2]])
-    for _, row in found.frames["gains"].iterrows():
+    for _, row in result.frames["gains"].iterrows():
         wanted = gain_of(prior, [slopes(row) / widening])
         # The effect of states depends on the parameters at each draw.
         assert row["as before"] == pytest.approx(wanted, rel=0.01)
-    columns = {*page.to_fill_in(found)}
+    columns = {*page.to_fill_in(result)}
     assert "v_x1_sd [m/s]" in columns
     assert "omega_1_sd [rad/s]" in columns
 
@@ -311,12 +311,12 @@ def elastic():
 
 
 def test_the_headline_names_the_sensor_that_helps(elastic):
-    found = fitball.plan(elastic, target="k_y", sensor={"contact_time": "0.05 ms"}, **GRID)
-    batch = found.frames["sensors"].set_index("sensor")["batch"]
+    result = fitball.plan(elastic, target="k_y", sensor={"contact_time": "0.05 ms"}, **GRID)
+    batch = result.frames["sensors"].set_index("sensor")["batch"]
     assert batch["as before"] < 0.5
     assert batch["contact_time"] > 1.5
-    assert set(found.frames["plan"]["sensor"]) == {"contact_time"}
-    assert "contact_time to 0.05" in found.report().splitlines()[3]
+    assert set(result.frames["plan"]["sensor"]) == {"contact_time"}
+    assert "contact_time to 0.05" in result.report().splitlines()[3]
     # One that reads hardly better than before is not worth its name.
     same = frames_of(elastic, target="mu", sensor={"v_y2": "0.199"})
     as_before, better = same["sensors"]["batch"][:2]
@@ -431,9 +431,9 @@ def test_the_table_is_filled_in_and_read_beside_the_fitted_one(polar):
         v_y1 = frame.pop("v_y1")
         frame["v_1"] = np.hypot(v_x1, v_y1)
         frame["theta_1 [deg]"] = np.degrees(np.arctan2(v_y1, v_x1))
-    found = fitball.plan(made_fit(frame), sensor={}, count=4, **GRID)
-    table = page.to_fill_in(found)
-    chosen = found.frames["plan"]
+    result = fitball.plan(made_fit(frame), sensor={}, count=4, **GRID)
+    table = page.to_fill_in(result)
+    chosen = result.frames["plan"]
     empty = ["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]
     assert (table[empty] == "").all(axis=None)
     v_x1 = chosen["v_1"] * np.cos(chosen["theta_1"])
@@ -465,16 +465,16 @@ def test_derived_quantities_and_impacts_are_targets(stored):
 
 
 def test_the_map_shows_gains_and_places(straight):
-    found: Result = fitball.plan(straight, sensor={}, count=2, **GRID)
-    grid = found.frames["gains"]
-    assert_allclose(shown_gains(found), np.sort(grid["as before"]), rtol=1e-12)
-    figure = draw_styled(page.figures(found)["gains"])
+    result: Result = fitball.plan(straight, sensor={}, count=2, **GRID)
+    grid = result.frames["gains"]
+    assert_allclose(shown_gains(result), np.sort(grid["as before"]), rtol=1e-12)
+    figure = draw_styled(page.figures(result)["gains"])
     places = {}
     for axis in figure.axes[:2]:
         for mark in axis.texts:
             for number in mark.get_text().split(","):
                 places[number] = mark.xy
-    for number, row in enumerate(found.frames["plan"].itertuples(), 1):
+    for number, row in enumerate(result.frames["plan"].itertuples(), 1):
         assert_allclose(places[str(number)], [np.degrees(row.theta_1), row.v_1])
     line = fitball.plan(
         straight,
@@ -488,8 +488,8 @@ def test_the_map_shows_gains_and_places(straight):
 
 
 def test_a_drop_test_is_planned_over_its_speed():
-    found = fitball.plan(made_fit(table_of(12, drop=True)), count=2)
-    assert (found.frames["plan"]["theta_1"] == np.pi / 2).all()
-    assert found.frames["gains"]["v_1"].nunique() == 6
-    assert [*page.to_fill_in(found)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]
-    assert image_bytes(draw_styled(page.figures(found)["gains"])).startswith(b"\x89PNG")
+    result = fitball.plan(made_fit(table_of(12, drop=True)), count=2)
+    assert (result.frames["plan"]["theta_1"] == np.pi / 2).all()
+    assert result.frames["gains"]["v_1"].nunique() == 6
+    assert [*page.to_fill_in(result)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]
+    assert image_bytes(draw_styled(page.figures(result)["gains"])).startswith(b"\x89PNG")

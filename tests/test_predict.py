@@ -25,17 +25,17 @@ from fitball.uses.predict import table_in_words
 REBOUND = ("v_x2", "v_y2", "omega_2")
 
 
-def known_fit(*given, tried=(), **more):
-    """A fit with these variants."""
-    made = made_fit(*given, **more)
-    known = replace(made, alternatives=tried)
-    known.__dict__["made"] = made.made
-    return known
+def fit_with_variants(*table, tried=(), **choices):
+    """A fit of which these variants were tried."""
+    plain = made_fit(*table, **choices)
+    fit = replace(plain, alternatives=tried)
+    fit.__dict__["made"] = plain.made
+    return fit
 
 
 @pytest.fixture(scope="module")
 def fit():
-    return known_fit()
+    return fit_with_variants()
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def surfaces():
     frame = table_of(surfaces=("clay", "hard"))
     fast = frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] * 1.6
     frame.loc[1::2, ["v_x1", "v_y1", "v_x2", "v_y2"]] = fast
-    fit = known_fit(frame)
+    fit = fit_with_variants(frame)
     draws = fit.draws
     prior = fit.problem.prior
     rng = np.random.default_rng(6)
@@ -114,26 +114,26 @@ def test_intervals_hold_with_errors_of_the_incident_state_and_do_not_without(fit
 
 
 def test_scores_are_those_of_the_frame_and_say_what_the_fit_had_seen(fit):
-    known = table_of()
-    mine = fit.predict(known.iloc[:10])
+    table = table_of()
+    mine = fit.predict(table.iloc[:10])
     scores = mine.frames["scores"].set_index("column")
     assert list(scores.index) == list(REBOUND)
     assert (scores["seen"] == 10).all()
     assert (scores["impacts"] == 10).all()
     median = rows_of(mine, "v_x2")["median"].to_numpy()
-    residuals = known["v_x2"].to_numpy()[:10] - median
+    residuals = table["v_x2"].to_numpy()[:10] - median
     rms = np.sqrt(np.mean(residuals**2))
     assert scores.loc["v_x2", "bias"] == pytest.approx(residuals.mean())
     assert scores.loc["v_x2", "rms"] == pytest.approx(rms)
-    # The same impacts by speed and angle are known again; others, or other rebounds, are not.
-    angle = np.arctan2(known.v_y1, known.v_x1)
-    polar = known.assign(v_1=np.hypot(known.v_x1, known.v_y1), theta_1=np.degrees(angle))
+    # The same impacts by speed and angle are recognised; others, or other rebounds, are not.
+    angle = np.arctan2(table.v_y1, table.v_x1)
+    polar = table.assign(v_1=np.hypot(table.v_x1, table.v_y1), theta_1=np.degrees(angle))
     polar = polar.drop(columns=["v_x1", "v_y1"])
     assert scores_of(fit, polar)["seen"].tolist() == [24] * 3
-    other = known.copy()
+    other = table.copy()
     other.loc[0, "v_y2"] += 0.1
     assert scores_of(fit, other)["seen"].tolist() == [23] * 3
-    bare = known.drop(columns=list(REBOUND))
+    bare = table.drop(columns=list(REBOUND))
     assert fit.predict(bare).frames["scores"].empty
 
 
@@ -166,7 +166,7 @@ def test_columns_are_those_that_the_model_predicts(fit):
     assert columns == ["v_x2", "v_y2", "theta_2", "omega_2"]
     columns = predictions(fit, state | {"v_2": [10.0]})["column"].tolist()
     assert "v_2" in columns
-    drop = known_fit(table_of(drop=True), model="two-mass")
+    drop = fit_with_variants(table_of(drop=True), model="two-mass")
     columns = predictions(drop, impact="v_y1=7")["column"].tolist()
     assert columns == ["v_y2", "contact_time"]
 
@@ -235,9 +235,9 @@ def test_extrapolation_is_judged_within_the_surface(surfaces):
     states = {"surface": ["hard", "clay", "new"]}
     for name in ("v_x1", "v_y1", "omega_1"):
         states[name] = [float(getattr(table.impacts, name)[fastest])] * 3
-    found = rows_of(surfaces.predict(states), "v_x2")
-    assert found["outside"].tolist() == [False, True, False]
-    on_hard, on_clay = found["distance"][:2]
+    frame = rows_of(surfaces.predict(states), "v_x2")
+    assert frame["outside"].tolist() == [False, True, False]
+    on_hard, on_clay = frame["distance"][:2]
     assert on_hard < 1e-6
     assert on_clay > 3.0
 
@@ -260,14 +260,14 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
         )
 
     tried = (
-        alternative("one", True, **moved),
+        alternative("first", True, **moved),
         alternative("other", True, e_x=0.2),
         alternative("worse", False, mu=0.05),
         alternative("none", True, reason="no answer", mu=0.01),
     )
-    known = known_fit(tried=tried)
+    fit_of_several = fit_with_variants(tried=tried)
     state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
-    found = rows_of(known.predict(state), "v_x2")
+    frame = rows_of(fit_of_several.predict(state), "v_x2")
     model = fit.problem.forward.model
     impact = fitball.impacts(15.0, 8.0, 0.0)
     free = {spec.name: base[spec.name] for spec in model.parameters}
@@ -275,8 +275,8 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
     for change in ({}, moved, {"e_x": 0.2}):
         rebound = model.rebound({**free, **change}, impact)
         each.append(float(rebound.v_x2[0]))
-    assert found["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
-    assert found["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
+    assert frame["variant_low"][0] == pytest.approx(min(each), rel=1e-12)
+    assert frame["variant_high"][0] == pytest.approx(max(each), rel=1e-12)
     assert max(each) > min(each) + 0.1
     alone = rows_of(fit.predict(state), "v_x2")
     assert alone["variant_low"].isna().all()
@@ -286,7 +286,7 @@ def test_no_new_measurement_where_its_error_is_not_known():
     """The fit knows what columns scatter beyond their stated errors; a new table without these has
     no intervals.
     """
-    fit = known_fit(table_of().assign(v_x2_sd=0.2))
+    fit = fit_with_variants(table_of().assign(v_x2_sd=0.2))
     state = pd.DataFrame(
         {
             "v_x1": [15.0] * 2,
@@ -331,13 +331,13 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
     count = predictive.PREDICTION_DRAWS * 4 // 300
     chosen = (np.arange(count) * 400) // count
     values = {name: column[chosen] for name, column in fit.draws.values.items()}
-    known = known_fit()
-    known.__dict__["made"] = type(fit.made)(
+    thinned = fit_with_variants()
+    thinned.__dict__["made"] = type(fit.made)(
         problem=fit.problem,
         draws=Draws(fit.draws.point, values, fit.draws.best),
     )
     monkeypatch.setattr(predictive, "PREDICTED_ROWS", 20_000)
-    assert_array_equal(predictions(known, table)["q975"], fewer["q975"])
+    assert_array_equal(predictions(thinned, table)["q975"], fewer["q975"])
     assert len(values["mu"]) == count
     assert count < all_draws
 
@@ -349,18 +349,18 @@ def rows_of_page(result):
 
 
 def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
-    one = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
+    single = fit.predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     many = fit.predict(impact="v_1=15..60:4, theta_1=30 deg, omega_1=0")
-    assert page.report(one).summary[0].lines[0].tone == "good"
+    assert page.report(single).summary[0].lines[0].tone == "good"
     assert page.report(many).summary[0].lines[0].tone == "part"
     remarks = [row["remark"] for row in rows_of_page(many)]
     assert remarks == ["", "extrapolated", "extrapolated", "extrapolated"]
-    for result in (one, many):
+    for result in (single, many):
         assert len(result.plot("rebounds").get_axes()) == 4
-    shown = {row[""]: float(row["median"]) for row in rows_of_page(one)}
-    median = rows_of(one, "v_x2")["median"][0]
+    shown = {row[""]: float(row["median"]) for row in rows_of_page(single)}
+    median = rows_of(single, "v_x2")["median"][0]
     assert shown["v_x2"] == pytest.approx(median, abs=0.06)
-    point = known_fit(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
+    point = fit_with_variants(sampled=False).predict(impact="v_1=17, theta_1=30 deg, omega_1=0")
     frame = point.frames["predictions"]
     assert frame[["median", "new_q025"]].isna().all(axis=None)
     assert frame["point"].notna().all()
@@ -379,11 +379,11 @@ def test_pages_of_one_impact_of_many_and_without_an_answer(fit):
 
 
 def test_the_page_says_which_impacts_are_outside_and_the_figure_shows_the_frame(fit):
-    own = table_of().iloc[:6]
-    within = fit.predict(own)
+    table = table_of().iloc[:6]
+    within = fit.predict(table)
     assert "outside" not in within.report(full=False)
     assert "all within" in within.report(full=False)
-    frame = fit.predict(own.assign(v_x1=own["v_x1"] * [1, 9, 1, 1, 1, 1]))
+    frame = fit.predict(table.assign(v_x1=table["v_x1"] * [1, 9, 1, 1, 1, 1]))
     assert "1 outside" in frame.report(full=False)
     assert "(impact 2)" in frame.report(full=False)
     drawn = within.plot("rebounds")
@@ -404,19 +404,19 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
     """Names, units and signs of the fit's own file, of which the spin counts backwards; by the
     command line.
     """
-    known = table_of(16)
+    table = table_of(16)
     theirs = pd.DataFrame(
         {
-            "Vin": known.v_x1 * 3.6,
-            "down": known.v_y1,
-            "spin": -known.omega_1,
-            "Vout": known.v_x2 * 3.6,
-            "v_y2": known.v_y2,
-            "omega_2 [rpm]": -known.omega_2 * 30 / np.pi,
+            "Vin": table.v_x1 * 3.6,
+            "down": table.v_y1,
+            "spin": -table.omega_1,
+            "Vout": table.v_x2 * 3.6,
+            "v_y2": table.v_y2,
+            "omega_2 [rpm]": -table.omega_2 * 30 / np.pi,
         }
     )
     theirs.to_csv(tmp_path / "theirs.csv", index=False)
-    known.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
+    table.drop(columns="id").to_csv(tmp_path / "ours.csv", index=False)
     options = ["--model", "brody", "--point-only", "--figures", "none", "--quiet"]
     named = [
         "--columns",
@@ -431,18 +431,18 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
         assert main(["calibrate", file, *more, *options, *out]) == 0
     # Without rebounds, and without a unit in the header.
     their_states = theirs[["Vin", "down", "spin"]].iloc[:4]
-    our_states = known[["v_x1", "v_y1", "omega_1"]].iloc[:4]
+    our_states = table[["v_x1", "v_y1", "omega_1"]].iloc[:4]
     their_states.to_csv(tmp_path / "new.csv", index=False)
     our_states.to_csv(tmp_path / "same.csv", index=False)
     capsys.readouterr()
     points = []
-    for name, table in (("theirs", "new.csv"), ("ours", "same.csv")):
-        assert main(["predict", str(tmp_path / name), str(tmp_path / table), "--json"]) == 0
+    for name, new_states in (("theirs", "new.csv"), ("ours", "same.csv")):
+        assert main(["predict", str(tmp_path / name), str(tmp_path / new_states), "--json"]) == 0
         record = json.loads(capsys.readouterr().out)
         frame = pd.DataFrame(record["frames"]["predictions"])
         points.append(frame["point"].astype(float))
     assert_allclose(points[0], points[1], rtol=1e-5)
-    written = {place.name for place in (ours / "predict").iterdir()}
+    written = {path.name for path in (ours / "predict").iterdir()}
     assert {"predictions.csv", "report.html", "rebounds.png"} <= written
     assert not [*ours.glob("*.png")]
     out = ["--out", str(tmp_path / "x")]
@@ -453,18 +453,18 @@ def test_new_impacts_are_read_as_those_of_the_fit(tmp_path, capsys):
 
 def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
     table_of(10).to_csv(tmp_path / "balls.csv", index=False)
-    place = tmp_path / "mine.py"
-    place.write_text(
+    file = tmp_path / "mine.py"
+    file.write_text(
         "def roll(v_x1, v_y1, omega_1, ball, k='normal(0.6, 0.2)'):\n    return k * v_x1, v_y1, "
         "v_x1\n"
     )
-    own = f"{place}:roll"
+    model = f"{file}:roll"
     table = tmp_path / "balls.csv"
     folder = tmp_path / "fit"
-    fitball.calibrate(table, model=own, point_only=True, progress=False).save(folder)
+    fitball.calibrate(table, model=model, point_only=True, progress=False).save(folder)
     impact = "v_x1=10, v_y1=7"
-    result = fitball.predict(folder, impact=impact, model=own)
-    best = fitball.load_fit(folder, own).point.optima[0]["k"]
-    found = rows_of(result, "v_x2")["point"][0]
-    assert found == pytest.approx(10.0 * best, rel=1e-12)
+    result = fitball.predict(folder, impact=impact, model=model)
+    best = fitball.load_fit(folder, model).point.optima[0]["k"]
+    predicted = rows_of(result, "v_x2")["point"][0]
+    assert predicted == pytest.approx(10.0 * best, rel=1e-12)
     refused("own-model", fitball.predict, folder, impact=impact)

@@ -10,7 +10,7 @@ from support.made_fit import made_fit, table_of
 import fitball
 from fitball.models.types import regime_name
 from fitball.report.style import draw_styled, image_bytes
-from fitball.uses.simulate import DRAWS
+from fitball.uses.simulate import BAND_DRAWS
 
 IMPACT = "v_1=20, theta_1=35 deg, omega_1=-1000 rpm"
 ALONG = 20 * np.cos(np.radians(35))
@@ -27,9 +27,9 @@ def by_hand(impact=IMPACT, model="two-mass+normal=total", **fix):
 
 @pytest.mark.parametrize("model", ["two-mass+normal=total", "thesis-exact"])
 def test_forces_change_the_momentum_of_the_ball(model):
-    found = by_hand(model=model)
-    frame = found.frames["history"]
-    outcome = found.frames["outcome"].set_index("quantity")["value"]
+    result = by_hand(model=model)
+    frame = result.frames["history"]
+    outcome = result.frames["outcome"].set_index("quantity")["value"]
     along = np.trapezoid(frame["friction_force"], frame["time"])
     upward = np.trapezoid(frame["normal_force"], frame["time"])
     # Friction has a corner at each phase.
@@ -45,15 +45,15 @@ def test_forces_change_the_momentum_of_the_ball(model):
 
 
 def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
-    found = by_hand()
-    phases = found.frames["phases"]
-    time = found.frames["history"]["time"].iloc[-1]
-    values = found.frames["parameters"].set_index("parameter")["value"].to_dict()
+    result = by_hand()
+    phases = result.frames["phases"]
+    time = result.frames["history"]["time"].iloc[-1]
+    values = result.frames["parameters"].set_index("parameter")["value"].to_dict()
     model = fitball.model("two-mass+normal=total")
-    made = model.rebound(values, STATE)
-    assert ", ".join(phases["phase"]) == regime_name(int(made.regime[0]))
+    rebound = model.rebound(values, STATE)
+    assert ", ".join(phases["phase"]) == regime_name(int(rebound.regime[0]))
     assert len(phases) > 1
-    assert time == pytest.approx(made.contact_time[0])
+    assert time == pytest.approx(rebound.contact_time[0])
     assert phases["start"][0] == 0.0
     assert_array_equal(phases["start"][1:], phases["end"][:-1])
     edge = phases["end"][0]
@@ -65,11 +65,11 @@ def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
 
 def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
     fit = made_fit(table_of(36, ("clay", "hard")), model="two-mass")
-    found = fitball.simulate(fit, impact=IMPACT, level={"surface": "Hard"})
-    frame = found.frames["history"]
-    outcome = found.frames["outcome"].set_index("quantity")
+    result = fitball.simulate(fit, impact=IMPACT, level={"surface": "Hard"})
+    frame = result.frames["history"]
+    outcome = result.frames["outcome"].set_index("quantity")
     model = fit.problem.forward.model
-    rows = np.linspace(0, 399, DRAWS).astype(int)
+    rows = np.linspace(0, 399, BAND_DRAWS).astype(int)
     on_hard = {}
     for spec in model.parameters:
         draws = fit.draws.values
@@ -87,12 +87,12 @@ def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
     assert_allclose(shown["slip_q025"], low, rtol=1e-12, atol=1e-12)
     assert_allclose(shown["slip_q84"], high, rtol=1e-12, atol=1e-12)
     assert_allclose(outcome.loc["contact_time", "q975"], np.quantile(times, 0.975))
-    assert "extrapolated" not in {note.code for note in found.notes}
+    assert "extrapolated" not in {note.code for note in result.notes}
     far = fitball.simulate(fit, impact="v_1=60, theta_1=35", level={"surface": "hard"})
     assert "extrapolated" in {note.code for note in far.notes}
     fixed = made_fit(model="two-mass", fix={"k_y": 2e4})
-    found = fitball.simulate(fixed, impact=IMPACT)
-    assert [note.code for note in found.notes] == ["held"]
+    result = fitball.simulate(fixed, impact=IMPACT)
+    assert [note.code for note in result.notes] == ["held"]
 
 
 def test_draws_without_an_answer_are_left_out_and_said():
@@ -103,15 +103,15 @@ def test_draws_without_an_answer_are_left_out_and_said():
         # COR cannot exceed the mass ratio.
         without_answer = rng.uniform(size=400) < share
         ratio[:] = np.where(without_answer, 0.4, 0.87)
-        found = fitball.simulate(fit, impact=IMPACT)
-        assert [note.code for note in found.notes] == ["no-answer"]
-        drawn = found.frames["history"]["y_q025"].notna()
+        result = fitball.simulate(fit, impact=IMPACT)
+        assert [note.code for note in result.notes] == ["no-answer"]
+        drawn = result.frames["history"]["y_q025"].notna()
         assert (drawn == banded).all()
 
 
 def test_values_by_hand_are_numbers_or_published_ones():
-    found = by_hand(mu="literature:clay", k_y="1e4")
-    values = found.frames["parameters"].set_index("parameter")["value"]
+    result = by_hand(mu="literature:clay", k_y="1e4")
+    values = result.frames["parameters"].set_index("parameter")["value"]
     assert values["mu"] == pytest.approx(0.73)
     assert values["k_y"] == 1e4
     specs = fitball.model("two-mass").specs
@@ -120,7 +120,7 @@ def test_values_by_hand_are_numbers_or_published_ones():
 
 @pytest.mark.parametrize("case", ["fit", "drop", "point", "values"])
 def test_the_figure_shows_the_courses(case):
-    found = by_hand()
+    result = by_hand()
     if case != "values":
         kind = "two-mass"
         frame = None
@@ -130,26 +130,26 @@ def test_the_figure_shows_the_courses(case):
             frame = table_of(12, drop=True)
             impact = "v_y1=7"
         fit = made_fit(frame, model=kind, sampled=case != "point")
-        found = fitball.simulate(fit, impact=impact)
-    figure = draw_styled(found._layout.figures()["history"])
+        result = fitball.simulate(fit, impact=impact)
+    figure = draw_styled(result._layout.figures()["history"])
     assert image_bytes(figure).startswith(b"\x89PNG")
     height = figure.axes[0]
-    course = found.frames["history"][["time", "y"]]
+    course = result.frames["history"][["time", "y"]]
     assert_allclose(height.lines[0].get_xydata(), 1e3 * course.to_numpy())
     bands = 2 if case in ("fit", "drop") else 0
     assert len(height.collections) == bands
-    assert ("no-band" in {note.code for note in found.notes}) == (case == "point")
-    phases = found.frames["phases"]
+    assert ("no-band" in {note.code for note in result.notes}) == (case == "point")
+    phases = result.frames["phases"]
     if case == "drop":
         assert len(figure.axes) == 2
-        assert "omega_2" not in found.report(full=False)
+        assert "omega_2" not in result.report(full=False)
         assert phases.empty
     else:
         assert len(figure.axes) == 4
-        assert "omega_2" in found.report(full=False)
+        assert "omega_2" in result.report(full=False)
         assert not phases.empty
-        state = found.frames["impact"].iloc[0]
-        values = found.frames["outcome"].set_index("quantity")["value"]
+        state = result.frames["impact"].iloc[0]
+        values = result.frames["outcome"].set_index("quantity")["value"]
         # Speeds of the ball and of its surface, before and after.
         ends = [
             state["v_x1"],

@@ -114,11 +114,11 @@ def test_plan_hands_on_all_and_has_its_page(fit, monkeypatch):
 
 
 def test_simulate_hands_on_all_and_has_its_page(fit, monkeypatch):
-    room = replaced(monkeypatch, "fitball.uses.simulate.of_fit")
+    room = replaced(monkeypatch, "fitball.uses.simulate.simulate_fit")
     simulated = fit.simulate(impact="v_1=17", level={"surface": "clay"})
     assert bound(simulated, "fitball.report.simulate")
     room.assert_called_once_with(fit, "v_1=17", {"surface": "clay"})
-    course = replaced(monkeypatch, "fitball.uses.simulate.course")
+    course = replaced(monkeypatch, "fitball.uses.simulate.simulate_point")
     assert bound(fitball.simulate(impact="v_1=17, theta_1=20"), "fitball.report.simulate")
     assert course.call_args[0][0].name == "two-mass"
 

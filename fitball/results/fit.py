@@ -94,9 +94,9 @@ class Fit(Fitted, Result):
         `fitball.simulate` says more. Raises ParameterError, ModelError.
         """
         from fitball.report import simulate as page
-        from fitball.uses.simulate import of_fit
+        from fitball.uses.simulate import simulate_fit
 
-        return Frames(of_fit(self, impact, dict(level or {})), page.PAGE)
+        return Frames(simulate_fit(self, impact, dict(level or {})), page.PAGE)
 
     def compare(
         self,

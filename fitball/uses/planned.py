@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -21,27 +21,38 @@ from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
 
 # Steps of a range of which none are given.
-STEPS: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
+STEPS_OF_RANGES: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
 # Settings at most: beyond them a plan takes minutes.
-MOST = 20_000
+MOST_SETTINGS = 20_000
 # The sensor that measures as the table was measured.
 BEFORE = "as before"
 # The sensor of all gaps between the flights.
 GAPS = "gaps"
 # The sensor of drops, without motion along the court.
-DROP = "drop"
+DROP_SENSOR = "drop"
 # How a target that is the rebound of an impact begins.
 _IMPACT = "impact="
 
 
 class Settings(NamedTuple):
-    """Impacts (settings,) that a machine can be set to, their levels (settings, levels), the
-    options that were not given: their ranges are those of the table.
+    """Impacts (settings,) that a machine can be set to, and the place of each among the labels of
+    each of the levels; the options that were `assumed`: their ranges are those of the table.
     """
 
     impacts: Impacts
-    levels: IntArray
+    levels: Annotated[IntArray, "settings levels"]
     assumed: tuple[str, ...]
+
+
+class _Axis(NamedTuple):
+    """An axis of the grid of settings: its `option`, the `column` that it sets, the `measured`
+    values of that, and whether it `varies` in this fit.
+    """
+
+    option: str
+    column: str
+    measured: FloatArray
+    varies: bool
 
 
 class Sensor(NamedTuple):
@@ -56,60 +67,83 @@ class Sensor(NamedTuple):
 
 def settings_of(fit: Fitted, words: Mapping[str, str], level: Mapping[str, str]) -> Settings:
     """The grid of `words` (speed, angle, spin), by default over the measured range, on every
-    measured surface or those of `level`. Raises ParameterError (`impact`, `not-measured`,
-    `too-many-settings`, those of `levels_of`).
+    measured surface or those of `level`.
+
+    Raises:
+        ParameterError: a range cannot be read (`impact`), or is of what was not measured
+            (`not-measured`); too many settings (`too-many-settings`); no such level
+            (`unknown-level`, `unknown-label`, `no-such-levels`).
     """
-    model = fit.problem.forward.model
-    states = fit.problem.rows.states
-    speed, angle = states.polar()
-    spun = model.tangential and fit.run.table.has_spin
-    axes = list[FloatArray]()
-    assumed = list[str]()
-    for option, column, values, varies in (
-        ("speed", "v_1", speed if model.tangential else states.v_y1, True),
-        (
-            "angle",
-            "theta_1",
-            angle if model.tangential else np.array([np.pi / 2.0]),
-            model.tangential,
-        ),
-        ("spin", "omega_1", states.omega_1 if spun else np.zeros(1), spun),
-    ):
-        span = Span(float(values.min()), float(values.max()))
-        text = words.get(option, "")
-        if text and not varies:
-            raise ParameterError(
-                f"--{option}: the fit has no {COLUMNS[column].title}, since none was measured; "
-                "leave it out",
-                "not-measured",
-            )
-        if text:
-            span = spans(f"{column}={text}", "value range count")[column]
-        elif varies:
-            assumed.append(option)
-        steps = 1
-        if span.high > span.low:
-            steps = span.count if span.count > 1 else STEPS[column]
-        axes.append(np.linspace(span.low, span.high, steps))
+    axes = _axes_of(fit)
+    tangential = fit.problem.forward.model.tangential
+    values = [_axis_values(axis, words.get(axis.option, "")) for axis in axes]
+    assumed = [axis.option for axis in axes if axis.varies and not words.get(axis.option)]
     keys = measured_levels(fit, level)
     count = len(keys)
-    for axis in axes:
-        count *= axis.size
-    if count > MOST:
+    for steps in values:
+        count *= steps.size
+    if count > MOST_SETTINGS:
         raise ParameterError(
-            f"{count:,} settings: expected at most {MOST:,}; use fewer steps",
+            f"{count:,} settings: expected at most {MOST_SETTINGS:,}; use fewer steps",
             "too-many-settings",
         )
-    grid = np.meshgrid(np.arange(float(len(keys))), *axes, indexing="ij")
-    place, fast, steep, spin = (coordinate.ravel() for coordinate in grid)
-    along = fast * np.cos(steep) if model.tangential else np.zeros(fast.size)
-    impacts = Impacts(along, fast * np.sin(steep), spin)
-    return Settings(impacts, keys[place.astype(np.int64)], tuple(assumed))
+    grid = np.meshgrid(np.arange(float(len(keys))), *values, indexing="ij")
+    key, speed, angle, spin = (coordinate.ravel() for coordinate in grid)
+    along = speed * np.cos(angle) if tangential else np.zeros(speed.size)
+    impacts = Impacts(along, speed * np.sin(angle), spin)
+    return Settings(impacts, keys[key.astype(np.int64)], tuple(assumed))
 
 
-def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
-    """The combinations (combinations, levels) of a table, or those with the labels of `level`.
-    Raises ParameterError (`unknown-level`, `unknown-label`, `no-such-levels`).
+def _axes_of(fit: Fitted) -> tuple[_Axis, _Axis, _Axis]:
+    """Speed, angle and spin as the table has them; without motion along the court a vertical speed
+    alone.
+    """
+    tangential = fit.problem.forward.model.tangential
+    spun = tangential and fit.run.table.has_spin
+    states = fit.problem.rows.states
+    speed, angle = states.polar()
+    spin = states.omega_1
+    if not tangential:
+        speed = states.v_y1
+        angle = np.array([np.pi / 2.0])
+    if not spun:
+        spin = np.zeros(1)
+    return (
+        _Axis("speed", "v_1", speed, varies=True),
+        _Axis("angle", "theta_1", angle, tangential),
+        _Axis("spin", "omega_1", spin, spun),
+    )
+
+
+def _axis_values(axis: _Axis, text: str) -> FloatArray:
+    """Values (steps,) of an axis in SI, of the range in words, or else of that measured. Raises
+    ParameterError (`impact`, `not-measured`).
+    """
+    span = Span(float(axis.measured.min()), float(axis.measured.max()))
+    if text and not axis.varies:
+        raise ParameterError(
+            f"--{axis.option}: the fit has no {COLUMNS[axis.column].title}, since none was "
+            "measured; leave it out",
+            "not-measured",
+        )
+    if text:
+        span = spans(f"{axis.column}={text}", "value range count")[axis.column]
+    steps = 1
+    if span.high > span.low:
+        steps = span.count if span.count > 1 else STEPS_OF_RANGES[axis.column]
+    return np.linspace(span.low, span.high, steps)
+
+
+def measured_levels(
+    fit: Fitted,
+    level: Mapping[str, str],
+) -> Annotated[IntArray, "combinations levels"]:
+    """The combinations of levels of a table, or those with the labels of `level`: places among the
+    labels of each level.
+
+    Raises:
+        ParameterError: no parameter differs by such a column (`unknown-level`), a label was not
+            fitted (`unknown-label`), or no impact has these labels together (`no-such-levels`).
     """
     forward = fit.problem.forward
     keys = np.unique(fit.problem.rows.index, axis=0)
@@ -119,12 +153,12 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
         label = labels.get(spelling_key(levels.column))
         if label is None:
             continue
-        place = levels.index_of(label)
-        if place == NEW_LEVEL:
-            known = ", ".join(levels.labels)
-            text = f"level: a plan needs a {levels.column} that was fitted: {known}"
+        index = levels.index_of(label)
+        if index == NEW_LEVEL:
+            fitted = ", ".join(levels.labels)
+            text = f"level: a plan needs a {levels.column} that was fitted: {fitted}"
             raise ParameterError(text, "unknown-label")
-        keys = keys[keys[:, k] == place]
+        keys = keys[keys[:, k] == index]
     if not len(keys):
         text = f"level: no impact of the table has {' and '.join(level.values())} together"
         raise ParameterError(text, "no-such-levels")
@@ -134,37 +168,35 @@ def measured_levels(fit: Fitted, level: Mapping[str, str]) -> IntArray:
 def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     """Measuring as before, then `COLUMN=SD`, `gaps=SHARE` of their usual errors, `drop=HEIGHT`; by
     default those that the model can answer for and the table has not: the contact time to 0.2 ms,
-    gaps, a drop from 254 cm. Raises ParameterError (`impact`, `sensor`).
+    gaps, a drop from 254 cm.
+
+    Raises:
+        ParameterError: a number cannot be read (`impact`); there is no such sensor, or the model
+            does not predict what it reads (`sensor`).
     """
     model = fit.problem.forward.model
-    measured = [item.column.name for item in fit.problem.observables]
+    measured = [observable.column.name for observable in fit.problem.observables]
     gaps = [name for name in REBOUND if COLUMNS[name].gap and model.predicts(COLUMNS[name])]
     if words is None:
-        vertical = any(COLUMNS[name].vertical for name in measured)
-        usual = {
-            "contact_time": ("0.2 ms", model.timed and "contact_time" not in measured),
-            GAPS: ("1", bool(gaps) and not {*gaps} & {*measured}),
-            DROP: ("254 cm", model.tangential and vertical),
-        }
-        words = {name: text for name, (text, good) in usual.items() if good}
+        words = _usual_sensors(model, measured, gaps)
     sensors = [Sensor(BEFORE, {})]
     for name, text in words.items():
-        if name == DROP:
+        if name == DROP_SENSOR:
             height = spans(f"drop_height={text}", "value")["drop_height"].low
             fall = np.array([itf.fall_speed(height)])
             drop = Impacts(np.zeros(1), fall, np.zeros(1))
             sensors.append(Sensor(name, {}, drop))
         elif name == GAPS:
-            share = _share(text)
+            share = _share_of_errors(text)
             every_gap = [column for column in REBOUND if COLUMNS[column].gap]
-            _refuse(model, gaps or every_gap, measured)
-            sensors.append(Sensor(name, {gap: share * _usual(gap) for gap in gaps}))
+            _refuse_columns(model, gaps or every_gap, measured)
+            sensors.append(Sensor(name, {gap: share * _usual_error(gap) for gap in gaps}))
         elif name in REBOUND:
-            _refuse(model, [name], measured)
+            _refuse_columns(model, [name], measured)
             sd = spans(f"{name}={text}", "error")[name].low
             sensors.append(Sensor(name, {name: sd}))
         else:
-            hint = suggestion(name, (*REBOUND, GAPS, DROP))
+            hint = suggestion(name, (*REBOUND, GAPS, DROP_SENSOR))
             raise ParameterError(
                 f"sensor {name}={text}: expected COLUMN=SD such as contact_time=0.2ms, gaps=SHARE "
                 f"of their usual errors, or drop=HEIGHT; {hint}",
@@ -173,15 +205,32 @@ def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     return sensors
 
 
-def _usual(gap: str) -> float:
-    """The usual error of a column, the median of the prior of its noise."""
-    noise = COLUMNS[gap].noise
+def _usual_sensors(
+    model: Model,
+    measured: Sequence[str],
+    gaps: Sequence[str],
+) -> dict[str, str]:
+    """The sensors of a plan for which none was named, in words; `gaps` are those predicted."""
+    words = {}
+    if model.timed and "contact_time" not in measured:
+        words["contact_time"] = "0.2 ms"
+    if gaps and {*gaps}.isdisjoint(measured):
+        words[GAPS] = "1"
+    if model.tangential and any(COLUMNS[name].vertical for name in measured):
+        words[DROP_SENSOR] = "254 cm"
+    return words
+
+
+def _usual_error(column: str) -> float:
+    """The usual error of a column in SI, the median of the prior of its noise."""
+    noise = COLUMNS[column].noise
     assert noise is not None
     prior = parse_prior(noise, noise.prior)
     return float(prior.quantile(np.array([0.5]))[0])
 
 
-def _share(text: str) -> float:
+def _share_of_errors(text: str) -> float:
+    """The share of the usual errors of gaps, in words. Raises ParameterError (`sensor`)."""
     try:
         share = float(text)
     except ValueError:
@@ -194,9 +243,9 @@ def _share(text: str) -> float:
     return share
 
 
-def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None:
+def _refuse_columns(model: Model, names: Iterable[str], measured: Sequence[str]) -> None:
     """Refuse columns of which the model says nothing, and velocities that follow from those
-    measured before.
+    measured before. Raises ParameterError (`sensor`).
     """
     for name in names:
         if not model.predicts(COLUMNS[name]):
@@ -213,41 +262,26 @@ def _refuse(model: Model, names: Iterable[str], measured: Sequence[str]) -> None
             )
 
 
-def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quantity]:
+def targets_of(
+    fit: Fitted,
+    texts: Sequence[str],
+    keys: Annotated[IntArray, "combinations levels"],
+) -> list[Quantity]:
     """Parameters and derived quantities by name (`mu`: on every surface), `impact=v_1=30,
-    theta_1=16 deg`: its rebound; none: all free parameters of the model. `keys` are the
-    combinations of levels that count. Raises ParameterError (`unknown-quantity`, `fixed`, `impact`,
-    `not-measured`, `nothing-free`).
+    theta_1=16 deg`: its rebound; without texts all free parameters of the model. `keys` are the
+    combinations of levels that count.
+
+    Raises:
+        ParameterError: there is no such quantity (`unknown-quantity`), or it is fixed (`fixed`); an
+            impact cannot be read (`impact`), or has what was not measured (`not-measured`); no
+            parameter is free (`nothing-free`).
     """
     summary = fit.summary
-    levels = fit.problem.forward.levels
-    left_out = {
-        level.name(label)
-        for k, level in enumerate(levels)
-        for place, label in enumerate(level.labels)
-        if place not in keys[:, k]
-    }
-    names = list[str]()
-    words = list[str]()
-    for item in asked:
-        if item.startswith(_IMPACT) and item not in summary.index:
-            words.append(item.removeprefix(_IMPACT))
-        elif words and "=" in item and item not in summary.index:
-            # Commas separate targets and parts of an impact.
-            words[-1] += f", {item}"
-        else:
-            at_levels = [
-                name
-                for name in summary.index
-                if name.partition("[")[0] == item and name not in left_out
-            ]
-            if item in summary.index or not at_levels:
-                names.append(item)
-            else:
-                names += at_levels
-    if not asked:
+    elsewhere = _names_elsewhere(fit, keys)
+    names, impacts = _names_and_impacts(texts, [*summary.index], elsewhere)
+    if not texts:
         main = summary.index[summary["kind"].isin(("model", "level"))]
-        names = [name for name in main if name in fit.problem.free and name not in left_out]
+        names = [name for name in main if name in fit.problem.free and name not in elsewhere]
         if not names:
             raise ParameterError("no parameter of the model is free: name a target", "nothing-free")
     targets = [fit.quantity(name) for name in dict.fromkeys(names)]
@@ -257,13 +291,54 @@ def targets_of(fit: Fitted, asked: Sequence[str], keys: IntArray) -> list[Quanti
                 f"target {target.spec.name}: it is held in this fit; name one that is not",
                 "fixed",
             )
-    for number, text in enumerate(words, 1):
-        targets += _rebounds(fit, text, keys, f" ({number})" if len(words) > 1 else "")
+    for number, text in enumerate(impacts, 1):
+        ordinal = f" ({number})" if len(impacts) > 1 else ""
+        targets += _rebound_quantities(fit, text, keys, ordinal)
     return targets
 
 
-def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quantity]:
-    """Velocities and spin after one impact, on each surface."""
+def _names_elsewhere(fit: Fitted, keys: IntArray) -> set[str]:
+    """Names of parameters at levels that are in none of the combinations `keys` (combinations,
+    levels).
+    """
+    names = set[str]()
+    for k, level in enumerate(fit.problem.forward.levels):
+        for index, label in enumerate(level.labels):
+            if index not in keys[:, k]:
+                names.add(level.name(label))
+    return names
+
+
+def _names_and_impacts(
+    texts: Iterable[str],
+    quantities: Sequence[str],
+    elsewhere: Collection[str],
+) -> tuple[list[str], list[str]]:
+    """Names of targets among `quantities`, a parameter of levels at each but those `elsewhere`; and
+    impacts in words.
+    """
+    names = list[str]()
+    impacts = list[str]()
+    for text in texts:
+        if text.startswith(_IMPACT) and text not in quantities:
+            impacts.append(text.removeprefix(_IMPACT))
+        elif impacts and "=" in text and text not in quantities:
+            # Commas separate targets and parts of an impact.
+            impacts[-1] += f", {text}"
+        else:
+            at_levels = [name for name in quantities if name.partition("[")[0] == text]
+            at_levels = [name for name in at_levels if name not in elsewhere]
+            if text in quantities or not at_levels:
+                names.append(text)
+            else:
+                names += at_levels
+    return names, impacts
+
+
+def _rebound_quantities(fit: Fitted, text: str, keys: IntArray, ordinal: str) -> list[Quantity]:
+    """Velocities and spin after an impact in words, at each of the combinations of levels `keys`
+    (combinations, levels); `ordinal` numbers impacts, where there are several.
+    """
     forward = fit.problem.forward
     impact, _ = impact_grid(spans(text, "value"))
     if not forward.model.tangential and (impact.v_x1[0] or impact.omega_1[0]):
@@ -282,7 +357,7 @@ def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quant
                 continue
             column = COLUMNS[name]
             spec = ParameterSpec(
-                f"{name}{number}{at}",
+                f"{name}{ordinal}{at}",
                 column.unit,
                 -np.inf,
                 np.inf,
@@ -295,8 +370,8 @@ def _rebounds(fit: Fitted, text: str, keys: IntArray, number: str) -> list[Quant
     return quantities
 
 
-def labels_in_words(fit: Fitted, key: IntArray) -> str:
-    """Levels (levels,) as `clay, ball A`; "" where there are none."""
+def labels_in_words(fit: Fitted, key: Annotated[IntArray, "levels"]) -> str:
+    """A combination of levels as `clay, ball A`; "" where there are none."""
     pairs = zip(fit.problem.forward.levels, key.tolist(), strict=True)
-    labels = {level.column: level.labels[place] for level, place in pairs}
+    labels = {level.column: level.labels[index] for level, index in pairs}
     return ", ".join(labels.values())
