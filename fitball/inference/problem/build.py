@@ -63,7 +63,7 @@ LAB_SPREADS = ("cor_10_spread", "rating_spread")
 
 Specs: TypeAlias = Mapping[str, ParameterSpec]
 # By parameter the text of its prior, or the value at which it is fixed and why.
-Settings: TypeAlias = dict[str, str | tuple[float, str]]
+ParameterSettings: TypeAlias = dict[str, str | tuple[float, str]]
 
 
 def problem_from_sources(
@@ -325,12 +325,12 @@ def _settings(
     choices: Choices,
     prior_texts: Mapping[str, str],
     timed: bool,
-) -> Settings:
+) -> ParameterSettings:
     """The priors and fixed values that replace defaults. Sources in order, of which later ones
     replace earlier ones: a saved fit, facts of the table, numbers of the scene, the scene's
     sections `prior` and `fix`, the user. Raises ParameterError (`not-a-number`).
     """
-    settings: Settings = {
+    settings: ParameterSettings = {
         name: text if "(" in text else (float(text), "fixed in the stored fit")
         for name, text in prior_texts.items()
     }
@@ -368,7 +368,7 @@ def _leveled_parameters(
     scene: Scene,
     choices: Choices,
     model: Model,
-    settings: Settings,
+    settings: ParameterSettings,
     timed: bool,
     notes: list[Note],
 ) -> tuple[LeveledParameter, ...]:
@@ -415,7 +415,7 @@ def _refuse_unknown(
 
 def _parameters_of_problem(
     specs: Specs,
-    settings: Settings,
+    settings: ParameterSettings,
     levels: Sequence[LeveledParameter],
     scene: Scene,
     notes: list[Note],

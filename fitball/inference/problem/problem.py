@@ -58,7 +58,9 @@ class Choices(msgspec.Struct, frozen=True):
             return {name: text for name, text in texts.items() if base_of(name) in names}
 
         fix = {name: value for name, value in self.fix.items() if base_of(name) in names}
-        return Choices(model, fix, applicable(self.prior), applicable(self.pool), self.noise)
+        prior = applicable(self.prior)
+        pool = applicable(self.pool)
+        return Choices(model, fix, prior, pool, self.noise)
 
 
 def base_of(name: str) -> str:

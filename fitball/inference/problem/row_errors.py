@@ -128,7 +128,9 @@ def _refuse_singular(
     measured = np.isfinite(y)
     both_measured = measured[:, :, None] & measured[:, None, :]
     of_bare = rest[:, indices][:, :, indices]
-    smallest = np.linalg.eigvalsh(np.where(both_measured, of_bare, np.eye(len(bare))))[:, 0]
+    unit = np.eye(len(bare))
+    eigenvalues = np.linalg.eigvalsh(np.where(both_measured, of_bare, unit))
+    smallest = eigenvalues[:, 0]
     for row in np.flatnonzero(smallest < ZERO_EIGENVALUE)[:1]:
         names = listed(name for name, counts in zip(bare, measured[row], strict=True) if counts)
         raise FitError(

@@ -50,13 +50,15 @@ class Mixing:
     @cached_property
     def r_hat(self) -> Mapping[str, float]:
         """The rank-normalised nested R-hat of each parameter, by name; NaN where no chain moved."""
-        ensemble_of_walker = np.repeat(np.arange(len(self.chains)), self.chains.shape[2])
+        ensembles, _, walkers, _ = self.chains.shape
+        ensemble_of_walker = np.repeat(np.arange(ensembles), walkers)
         return self._by_name("rhat_nested", superchain_ids=ensemble_of_walker)
 
     def _by_name(self, statistic: str, **options: object) -> Mapping[str, float]:
         """A statistic of ArviZ for each parameter, by name."""
         ensembles, steps, walkers, size = self.chains.shape
-        by_parameter = self.chains.transpose(3, 0, 2, 1).reshape(size, ensembles * walkers, steps)
+        by_walker = self.chains.transpose(3, 0, 2, 1)
+        by_parameter = by_walker.reshape(size, ensembles * walkers, steps)
         function = partial(getattr(arviz(), statistic), chain_axis=0, draw_axis=1, **options)
         with np.errstate(divide="ignore", invalid="ignore"):
             return {

@@ -39,7 +39,7 @@ WIDENING = 1.1
 # Condition number of correlations above which draws do not span the space but for rounding.
 WORST_CONDITION = 1e12
 # Components of a proposal for chains: enough for a bent posterior, few enough that each has draws.
-COMPONENTS = 6
+MIXTURE_COMPONENTS = 6
 # Rounds of the EM that fits the components; a proposal need not be exact.
 EM_ROUNDS = 20
 # Draws to which the components are fitted: more take time and move them little.
@@ -142,7 +142,7 @@ def fit_mixture(
         return []
     # Whitened, since units and scales of coordinates differ by powers of ten.
     w = (x - single.centre) @ single.whitening
-    middles = w[rng.choice(len(w), COMPONENTS, replace=False), None]
+    middles = w[rng.choice(len(w), MIXTURE_COMPONENTS, replace=False), None]
     logs = -np.sum((w - middles) ** 2, axis=2)
     components = list[Student]()
     for _ in range(EM_ROUNDS):
@@ -230,6 +230,14 @@ def _normalised(log_ratios: FloatArray) -> FloatArray:
     return np.asarray(log_ratios - np.logaddexp.reduce(log_ratios))
 
 
+def _is_spread(tail: FloatArray) -> bool:
+    """Whether a Pareto distribution can be fitted to sorted ratios: the fit divides by how far
+    their first quartile lies above the lowest of them.
+    """
+    quartile = tail[int((tail.size - 1) / 4 + 0.5)]
+    return bool(quartile > tail[0] and tail[-1] > tail[1])
+
+
 def pareto_smoothed(
     log_ratios: Annotated[FloatArray, "draws"],
     efficiency: float,
@@ -239,12 +247,12 @@ def pareto_smoothed(
     `efficiency` is the effective size of the draws over their number. k is infinite where too few
     ratios differ for a tail, and -infinite where all are equal.
     """
-    size = int(min(log_ratios.size / 5.0, 3.0 * np.sqrt(log_ratios.size / efficiency)))
+    count = log_ratios.size
+    size = int(min(count / 5.0, 3.0 * np.sqrt(count / efficiency)))
     tail = np.sort(log_ratios)[-size - 1 :]
     if np.ptp(log_ratios) <= 0.0:
         return _normalised(log_ratios), -np.inf
-    # The fit divides by how far the first quartile of the tail lies above its edge.
-    if size < LEAST_TAIL or not (tail[int(size / 4 + 0.5)] > tail[0] and tail[-1] > tail[1]):
+    if size < LEAST_TAIL or not _is_spread(tail):
         return _normalised(log_ratios), np.inf
     weights, k = arviz().psislw(-log_ratios, r_eff=efficiency, axis=-1)
     return weights, float(k)
