@@ -1,9 +1,13 @@
 """What figures have in common: how series look, dots of few impacts and bins of many."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
@@ -14,6 +18,7 @@ from fitball.report.style import (
     MODEL_COLOUR,
     SERIES_COLOURS,
     SERIES_MARKERS,
+    Panels,
     legend_above,
 )
 
@@ -23,10 +28,15 @@ MOST_DOTS = 600
 BINS = 24
 # Quantiles of a bin: the median, and the ends of the middle 68 %.
 _QUANTILES = (0.16, 0.5, 0.84)
+# Size of a dot [pt], and of the median of a bin.
+_DOT_SIZE = 5.0
+_BIN_SIZE = 3.5
 
 
 class SeriesStyle(NamedTuple):
-    """How a series is drawn: alone it needs no colour of its own."""
+    """How a series is drawn: the colour of its `dots`, their `marker`, the colour of its `line`,
+    and its `name` in the legend.
+    """
 
     dots: str
     marker: str
@@ -35,23 +45,23 @@ class SeriesStyle(NamedTuple):
 
 
 def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
-    """Looks by series; the speed is named where speeds differ."""
+    """Styles of the series of a fit's curves, by number of the series. A series that is alone needs
+    no colour of its own; the speed is named where speeds differ.
+    """
     rows = frame_rows(curves.groupby("series").first())
     if len(rows) == 1:
-        return {
-            int(rows[0].count("series")): SeriesStyle(
-                MEASURED_COLOUR, "o", MODEL_COLOUR, "measured and model"
-            )
-        }
+        style = SeriesStyle(MEASURED_COLOUR, "o", MODEL_COLOUR, "measured and model")
+        return {rows[0].count("series"): style}
     by_series = {}
-    several = curves["speed"].nunique() > 1
+    speeds_differ = curves["speed"].nunique() > 1
     for k, row in enumerate(rows):
         words = [figure_text(row.text("name"))]
-        if np.isfinite(row.number("spin")):
+        speed, spin = row.numbers("speed", "spin")
+        if np.isfinite(spin):
             # A zero without a sign.
-            words.append(f"{row.number('spin') + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
-        if several:
-            words.append(f"{row.number('speed'):.3g} m/s")
+            words.append(f"{spin + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
+        if speeds_differ:
+            words.append(f"{speed:.3g} m/s")
         name = ", ".join(filter(None, words))
         colour = SERIES_COLOURS[k % len(SERIES_COLOURS)]
         marker = SERIES_MARKERS[k % len(SERIES_MARKERS)]
@@ -62,15 +72,13 @@ def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
 def split_by_series(
     frame: DataFrame, styles: Mapping[int, SeriesStyle]
 ) -> list[tuple[SeriesStyle, BoolArray]]:
-    """Looks of a panel, and which rows (rows,) have each; more than DOTS rows have one look."""
+    """The styles of a panel, each with which rows of the frame have it; more than MOST_DOTS rows
+    have one style.
+    """
     if len(frame) > MOST_DOTS:
-        return [
-            (
-                SeriesStyle(MEASURED_COLOUR, "o", MODEL_COLOUR, ""),
-                np.ones(len(frame), dtype=np.bool_),
-            )
-        ]
-    return [(look, (frame["series"] == k).to_numpy(np.bool_)) for k, look in styles.items()]
+        style = SeriesStyle(MEASURED_COLOUR, "o", MODEL_COLOUR, "")
+        return [(style, np.ones(len(frame), dtype=np.bool_))]
+    return [(style, (frame["series"] == k).to_numpy(np.bool_)) for k, style in styles.items()]
 
 
 def opacity(count: int) -> float:
@@ -79,46 +87,48 @@ def opacity(count: int) -> float:
     return float(min(1.0, max(0.12, shade)))
 
 
-def bin_medians(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Medians of `place` (bins,), and quantiles 16, 50, 84 % of `values` (3, bins), in BINS bins of
-    equal numbers along `place`; both arguments are (rows,).
+def bin_medians(
+    x: Annotated[FloatArray, "rows"], y: Annotated[FloatArray, "rows"]
+) -> tuple[Annotated[FloatArray, "bins"], Annotated[FloatArray, "3 bins"]]:
+    """Medians of `x` in BINS bins of equal numbers along it, and quantiles 16, 50 and 84 % of `y`
+    in each bin.
     """
-    bins = np.array_split(np.argsort(place, kind="stable"), BINS)
-    middles = np.array([np.median(place[rows]) for rows in bins])
-    bands = np.stack([np.quantile(values[rows], _QUANTILES) for rows in bins], axis=1)
+    bins = np.array_split(np.argsort(x, kind="stable"), BINS)
+    middles = np.array([np.median(x[rows]) for rows in bins])
+    bands = np.stack([np.quantile(y[rows], _QUANTILES) for rows in bins], axis=1)
     return middles, bands
 
 
 def draw_dots(
-    axis: Any,
-    place: FloatArray,
-    values: FloatArray,
-    look: SeriesStyle,
-    sd: FloatArray | None = None,
+    axes: Axes,
+    x: Annotated[FloatArray, "rows"],
+    y: Annotated[FloatArray, "rows"],
+    style: SeriesStyle,
+    sd: Annotated[FloatArray, "rows"] | None = None,
 ) -> None:
-    """Draw dots (rows,) with bars of one `sd`, or of more than DOTS the medians of bins with the
-    middle 68 % of their values; NaN are not drawn.
+    """Draw a dot at each `x` and `y` with a bar of one `sd`. Of more than MOST_DOTS rows medians of
+    bins are drawn, with the middle 68 % of their values; NaN are not drawn.
     """
-    finite = np.isfinite(place) & np.isfinite(values)
-    place = place[finite]
-    values = values[finite]
-    shade = opacity(len(place))
-    size = 5.0
+    finite = np.isfinite(x) & np.isfinite(y)
+    x = x[finite]
+    y = y[finite]
+    shade = opacity(len(x))
+    size = _DOT_SIZE
     ends = None
     if sd is not None:
-        ends = (values - sd[finite], values + sd[finite])
-    if len(place) > MOST_DOTS:
-        place, (low, values, high) = bin_medians(place, values)
+        ends = (y - sd[finite], y + sd[finite])
+    if len(x) > MOST_DOTS:
+        x, (low, y, high) = bin_medians(x, y)
         shade = 1.0
-        size = 3.5
+        size = _BIN_SIZE
         ends = (low, high)
     if ends is not None:
-        axis.vlines(place, *ends, color=look.dots, linewidth=1.0, alpha=0.55 * shade)
-    axis.plot(
-        place,
-        values,
-        look.marker,
-        color=look.dots,
+        axes.vlines(x, *ends, color=style.dots, linewidth=1.0, alpha=0.55 * shade)
+    axes.plot(
+        x,
+        y,
+        style.marker,
+        color=style.dots,
         markersize=size,
         markeredgewidth=0.6,
         markeredgecolor="white",
@@ -129,33 +139,35 @@ def draw_dots(
 
 def series_legend(
     figure: Figure,
-    shown: Sequence[tuple[SeriesStyle, BoolArray]],
-    more: Sequence[Any] = (),
+    styles: Sequence[SeriesStyle],
+    others: Sequence[Artist] = (),
 ) -> None:
-    """Draw a legend with the dots of the series, where there are several, and handles of what else
-    is drawn.
+    """Draw a legend with the dots of the series, where there are several, and handles of what
+    `others` are drawn.
     """
-    handles = list[Any]()
-    if len(shown) > 1:
-        for look, _ in shown:
+    handles = list[Artist]()
+    if len(styles) > 1:
+        for style in styles:
             handles.append(
-                Line2D([], [], color=look.dots, marker=look.marker, linestyle="", label=look.name)
+                Line2D(
+                    [], [], color=style.dots, marker=style.marker, linestyle="", label=style.name
+                )
             )
-    handles += more
+    handles += others
     if handles:
         legend_above(figure, handles)
 
 
-def hide_unused(axes: Any, count: int, across: str = "") -> None:
-    """Hide the panels after the first `count`; the label `across` is below the lowest of each
-    column.
+def hide_unused(panels: Panels, count: int, label: str = "") -> None:
+    """Hide the panels after the first `count`. The `label` of the horizontal axis is below the
+    lowest panel of each column.
     """
-    flat = axes.ravel()
-    wide = axes.shape[1]
-    for axis in flat[count:]:
-        axis.set_visible(False)
-    if not across:
+    flat = panels.ravel()
+    columns = panels.shape[1]
+    for axes in flat[count:]:
+        axes.set_visible(False)
+    if not label:
         return
-    for axis in flat[max(count - wide, 0) : count]:
-        axis.set_xlabel(across)
-        axis.xaxis.set_tick_params(labelbottom=True)
+    for axes in flat[max(count - columns, 0) : count]:
+        axes.set_xlabel(label)
+        axes.xaxis.set_tick_params(labelbottom=True)
