@@ -208,7 +208,7 @@ def test_levels_that_agree_have_the_prior_of_a_search():
     assert_allclose(covariance_of(first), wide, rtol=1e-6, atol=1e-14)
 
 
-def test_noise_is_known_to_two_measurements_each():
+def test_noise_is_that_of_two_measurements_each():
     problem = grip_slip(table_of(REBOUND, count=12))
     sd = sd_in_proposal(problem, truth_in(problem), "spin_sd")
     # ln of the noise: 2 n of the table, and the prior's.
@@ -268,7 +268,7 @@ def test_long_tables_are_thinned_and_streamed(monkeypatch):
     assert freedom > 397.0
 
 
-def test_the_factor_of_an_inverse_holds_where_one_direction_is_known_far_better():
+def test_the_factor_of_an_inverse_holds_where_a_direction_is_far_better_determined():
     rng = np.random.default_rng(1)
     sizes = np.geomspace(1.0, 1e12, 11)
     for _ in range(10):

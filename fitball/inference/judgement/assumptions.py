@@ -4,8 +4,8 @@ to first order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -28,50 +28,50 @@ from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.models.registry import option_variants
 
-# Impacts below which a score means nothing: of five its standard error is known to a third only.
+# Impacts from which a difference of scores is used: of fewer its standard error is poorly known (of
+# five to a third of itself). Chosen by hand.
 LEAST_SCORED_IMPACTS = 6
-# Standard errors from which a difference of scores is sure.
+# Standard errors by which a score is lower that is surely worse.
 WORSE_BY_ERRORS = 2.0
-# Size from which a difference of scores is sure: on few observations the standard error is too
-# small (Sivula et al. 2020).
+# Amount by which a score is lower that is surely worse: on few observations the standard error is
+# too small (Sivula et al. 2020).
 WORSE_BY_SCORE = 4.0
 # Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
 SHIFT_BY_CHOICE = 2.0
-# Sds by which a value moves that rests on a constant over half of its range: then a 95 % interval
-# holds 92 %.
+# Sds by which a value moves that rests on a constant over half of its range. Where that is two sds
+# of the constant a 95 % interval then holds 92 %.
 SHIFT_BY_CONSTANT = 1.0
-# Optima of the fit from which each alternative is searched: the best may be another there.
+# Optima of the fit from which each alternative is searched: the best may be another there. How
+# many is chosen by hand.
 FOLLOWED_OPTIMA = 2
 # Quantiles of the priors of what is new in an alternative, from which it is searched: the median
 # and one sd to either side.
 NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 # Gain promised by a step from which first searches end: they show where to look further.
 ROUGH_GAIN = 1e-2
-# Gain promised by a step from which last searches end: far below a difference of scores that
-# matters.
+# Gain promised by a step from which last searches end: far below WORSE_BY_SCORE.
 FINE_GAIN = 1e-4
 # Draws about the best of the first searches at which the density is looked at: some lie beyond the
-# kinks that stop a search.
+# kinks that stop a search. How many is chosen by hand.
 DRAWS_AROUND = 300
-# The highest of these draws, from which is searched again: if one of them leads no further,
-# another may.
+# The highest of these draws, from which is searched again. How many is chosen by hand.
 SEARCHES_AGAIN = 3
-# Draws at which it is seen whether a choice acts at all: one that acts at none of them acts nowhere
-# that matters.
+# Draws at which the density is compared to see whether a choice acts at all: one that acts at none
+# of them is not tried. How many is chosen by hand.
 PROBE_DRAWS = 20
-# Effective draws of an alternative: its median is then known to 0.06 sds, and the ends of its
-# interval to 0.15.
+# Effective draws of an alternative. Of a normal distribution they give the median to 0.05 sds, and
+# the ends of a 95 % interval to 0.1.
 EFFECTIVE_DRAWS = 700.0
 # Draws of equal weight by which an alternative is summarised: more than are effective, so that
-# resampling adds little to the error.
+# resampling adds less to the error than the draws have.
 RESAMPLED_DRAWS = 1000
 # What all values rest on where a choice could not be tried.
 UNTRIED_MODEL = "model"
 
 
 class _FittedVariant(NamedTuple):
-    """A problem, its maximum (free,), a proposal about it, and the log density (impacts,) of each
-    impact left out.
+    """A fitted variant of a problem: its maximum `best` (coordinates,), a proposal about that, and
+    as `scores` the log predictive density (impacts,) of each impact from the others.
     """
 
     problem: Problem
@@ -85,11 +85,14 @@ def alternatives(
     point: PointFit,
     rng: np.random.Generator,
 ) -> tuple[tuple[Alternative, ...], dict[str, Summary]]:
-    """Every single change that makes a difference, and what the fit itself says in the same way, by
-    weighted draws, so that `given` compares like with like and needs no chain. Of more than
-    ALTERNATIVE_ROWS a part, evenly spread, on which the fit is made again: by how much an
-    alternative lies beside that, and is wider, it does so of all rows. Raises FitError
-    (`no-answer`).
+    """The fit with every single change that makes a difference, and by quantity the summaries of
+    the fit itself by the same weighted draws, for comparison.
+
+    Of more than ALTERNATIVE_ROWS so many rows, evenly spread, are used, on which the fit is made
+    again. By how much an alternative lies beside that fit, and is wider, it does so of all rows.
+
+    Raises:
+        FitError: the fit itself has no answer on these rows (`no-answer`).
     """
     count = len(problem.rows.y)
     model = problem.forward.model
@@ -114,11 +117,11 @@ def alternatives(
                 choices,
                 changed,
                 problem.prior_texts,
-            )
-            posed = posed.on_rows(rows)
-            same_names = posed.free == problem.free
-            if same_names and np.array_equal(log_posterior(posed, probes), density):
-                continue
+            ).on_rows(rows)
+            if posed.free == problem.free:
+                changed_density = log_posterior(posed, probes)
+                if np.array_equal(changed_density, density):
+                    continue
             there = _fit_variant(posed, _search_starts(posed, point), rng)
             tried.append(_compare(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
@@ -130,7 +133,7 @@ def alternatives(
 
 
 def _untried_alternative(choice: str, instead_of: str, model: Model, reason: str) -> Alternative:
-    """An alternative without an answer, for the reason given."""
+    """An alternative that could not be tried, with the reason."""
     return Alternative(
         choice,
         instead_of,
@@ -145,7 +148,7 @@ def _untried_alternative(choice: str, instead_of: str, model: Model, reason: str
 
 
 def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model]]:
-    """Name, what it replaces, choices and model of each single change."""
+    """Each single change of a choice: its name, what it replaces, all choices, and the model."""
     model = problem.forward.model
     noise = problem.forward.noise
     choices = problem.choices
@@ -169,19 +172,21 @@ def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model
 
 
 def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
-    """Coordinates (starts, free): the fit's best optima, what is new at quantiles of its prior; and
-    the same with friction so high that all grips.
+    """Coordinates (starts, coordinates) from which a variant is searched: the fit's best optima,
+    with new parameters at quantiles of their priors, and the same with friction so high that all
+    impacts grip.
     """
     levels = np.array(NEW_PRIOR_QUANTILES)
     blocks = []
     for values in point.optima[:FOLLOWED_OPTIMA]:
         block = np.empty((levels.size, len(posed.free)))
-        for k, item in enumerate(posed.prior.parameters):
+        for k, parameter in enumerate(posed.prior.parameters):
             name = posed.free[k]
+            prior = parameter.prior
             if name in values:
                 block[:, k] = values[name]
             else:
-                block[:, k] = item.prior.value(item.prior.quantile(levels))
+                block[:, k] = prior.value(prior.quantile(levels))
         blocks.append(block)
     starts = posed.prior.coordinate(np.unique(np.concatenate(blocks), axis=0))
     gripped = raise_friction(posed, starts)[0]
@@ -191,14 +196,17 @@ def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
 def _draws_about(
     problem: Problem, about: Student, rng: np.random.Generator, count: int
 ) -> FloatArray:
-    """Coordinates (count, free) about a maximum, within the bounds, at which a scatter may lie."""
+    """Draws (count, coordinates) about a maximum, moved to the bounds where they are beyond."""
     prior = problem.prior
     return np.clip(about.draw(rng, count), prior.low, prior.high)
 
 
 def _fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> _FittedVariant:
-    """The best that searches from `starts` (starts, free) reach, and those from the best of many
-    places about that: kinks of the density stop a search. Raises FitError (`no-answer`).
+    """The best fit of a variant. Kinks of the density stop a search: after searches from `starts`
+    (starts, coordinates) others begin at the best of many draws about what these reach.
+
+    Raises:
+        FitError: no search reaches parameters with an answer (`no-answer`).
     """
     x, cost, _ = descend(Objective(problem), starts, ROUGH_GAIN)
     if not np.isfinite(cost.min()):
@@ -214,8 +222,11 @@ def _fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator)
     return _FittedVariant(problem, best, about, leave_one_out_density(problem, about))
 
 
-def leave_one_out_density(problem: Problem, about: Student) -> FloatArray:
-    """Log predictive density (impacts,) of each impact from all others, to first order.
+def leave_one_out_density(
+    problem: Problem,
+    about: Student,
+) -> Annotated[FloatArray, "impacts"]:
+    """The log predictive density of each impact from all others, to first order about a maximum.
 
     With slopes K of its residuals, gradient g of its log density and covariance C, without it the
     covariance is D = C + C K (1 - K'CK)^-1 K'C and the maximum moves by -D g. Over that normal
@@ -257,9 +268,12 @@ def _compare(
     to_all: Mapping[str, FloatArray],
     rng: np.random.Generator,
 ) -> Alternative:
-    """An alternative beside the fit `base`, both of the same rows; `to_all` has by parameter how
-    far all rows move it, and how much wider they have it. Raises FitError (`no-answer`,
-    `unreliable`).
+    """A variant compared with the fit `base` of the same rows. For each parameter `to_all` has how
+    far all rows move it, in coordinates, and the factor by which they widen it.
+
+    Raises:
+        FitError: the variant has no answer about its best values (`no-answer`), or its weighted
+            draws are not reliable (`unreliable`).
     """
     posed = there.problem
     prior = there.problem.prior
@@ -278,7 +292,7 @@ def _compare(
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
     weights = np.exp(pareto_smoothed(log_weights, 1.0)[0])
     x = x[systematic(weights, RESAMPLED_DRAWS, rng.uniform())]
-    # What is new is where it is, and as wide, on the part.
+    # New parameters are where, and as wide as, the chosen rows have them.
     move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
     deviation = np.vstack([there.best, x]) - there.best
     q = there.best + move + wider * deviation
@@ -305,8 +319,9 @@ def _compare(
 
 
 def _summaries(problem: Problem, q: FloatArray, alike: bool) -> dict[str, Summary]:
-    """Of free parameters and what follows from them, by draws after the maximum, `q` (1 + draws,
-    free); the scale of another kind of noise is another quantity.
+    """Summaries of free parameters and derived quantities by the coordinates `q` (1 + draws,
+    coordinates) of the maximum and of draws. Parameters of the noise are left out where its kind
+    is not `alike`: the scale of another kind is another quantity.
     """
     values = problem.values(q)
     unlike = frozenset() if alike else problem.noises
@@ -317,14 +332,15 @@ def _summaries(problem: Problem, q: FloatArray, alike: bool) -> dict[str, Summar
 
 
 def what_values_rest_on(
-    found: tuple[Alternative, ...],
-    held: tuple[Constant, ...],
+    tried: Sequence[Alternative],
+    held: Sequence[Constant],
     fit: Mapping[str, Summary],
 ) -> dict[str, tuple[str, ...]]:
-    """By quantity the choices and constants that it rests on, the strongest first: choices that
-    move its median, or an end of its 95 % interval outwards, by 2 sds, unless surely worse;
-    constants that move it by 1 sd over half of their range. All are given the `model` where a
-    choice could not be tried.
+    """For each quantity the choices and constants that it rests on, the strongest first.
+
+    These are choices that move its median, or an end of its 95 % interval outwards, by 2 sds,
+    unless they fit surely worse, and constants that move it by 1 sd over half of their range. Where
+    a choice could not be tried all quantities rest on the `model`.
     """
     moves = [
         (abs(shift), name, constant.name)
@@ -332,7 +348,7 @@ def what_values_rest_on(
         for name, shift in constant.moves.items()
         if abs(shift) > SHIFT_BY_CONSTANT
     ]
-    for alternative in found:
+    for alternative in tried:
         if not alternative.as_good:
             continue
         for name in fit.keys() & alternative.summaries.keys():
@@ -349,5 +365,5 @@ def what_values_rest_on(
     for _, name, text in sorted(moves, reverse=True):
         if name in rests:
             rests[name][text] = None
-    untried = (UNTRIED_MODEL,) if any(alternative.reason for alternative in found) else ()
+    untried = (UNTRIED_MODEL,) if any(alternative.reason for alternative in tried) else ()
     return {name: (*texts, *untried) for name, texts in rests.items() if texts or untried}

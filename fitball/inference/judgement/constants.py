@@ -20,26 +20,26 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Constant
 from fitball.models.specs import BALL_PARAMETERS
 
-# Stated sds to either side that are a range: 95 % of a normal distribution.
-STATED = 2.0
+# Stated sds to either side that make a range: 95 % of a normal distribution.
+STATED_SDS = 2.0
 # Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick shell (0.56) and other
 # measurements (0.55) agree within it.
 INERTIA_SD = 0.015
 # I/(M R^2) of round bodies, from full sphere to thin shell: the range of a ball of which no more is
 # known.
-ROUND = (0.4, 2.0 / 3.0)
-# By how much a camera may be off that was set: half a degree, a ruler read to 1 %, a clock to 0.1
-# %, a court whose height was clicked to 3 mm.
-CAMERA: Mapping[str, float] = {
+ROUND_BODIES = (0.4, 2.0 / 3.0)
+# By how much a camera may be off that was set: a tilt of half a degree [rad], a ruler read to 1 %,
+# a clock to 0.1 %, a court whose height was clicked to 3 mm [m].
+CAMERA_REACHES: Mapping[str, float] = {
     "tilt": radians(0.5),
     "scale": 0.01,
     "clock": 0.001,
     "court_height": 0.003,
 }
 # Share of a range over which slopes are taken: no kink is passed, and rounding is far below.
-STEP = 0.01
+STEP_SHARE = 0.01
 # Sds below which nothing moves, but by rounding.
-NOTHING = 1e-3
+LEAST_SHIFT = 1e-3
 
 
 def constants(
@@ -47,8 +47,8 @@ def constants(
     first: FirstOrder,
     derived: Sequence[Quantity],
 ) -> tuple[Constant, ...]:
-    """Held constants of ball and camera that move anything: the shift of a refit; of derived
-    quantities also what the constant does to them itself.
+    """The held constants of ball and camera that move any quantity. A shift is that of a refit, for
+    derived quantities with what the constant does to them directly.
     """
     rows, row_of_cell = np.unique(first.rows, return_inverse=True)
     problem_of_rows = problem.on_rows(rows)
@@ -70,14 +70,14 @@ def constants(
         shifts = np.divide(shifts, errors, out=np.zeros(len(names)), where=errors > 0.0)
         by_name = zip(names, shifts.tolist(), strict=True)
         shift_of = {quantity: shift for quantity, shift in by_name if np.isfinite(shift)}
-        if max(map(abs, shift_of.values())) > NOTHING:
+        if max(map(abs, shift_of.values())) > LEAST_SHIFT:
             moving.append(Constant(name, low, high, shift_of))
     return tuple(moving)
 
 
 class _Rates(NamedTuple):
-    """By a constant, all in its units: `mean` (impacts, columns) of the predictions, `time` of the
-    mean contact time, and of the `derived` quantities (quantities,).
+    """Derivatives by a held constant, in SI: `mean` (impacts, columns) of the predictions, `time`
+    of the mean contact time, and `derived` (quantities,) of derived quantities.
     """
 
     mean: FloatArray
@@ -93,13 +93,13 @@ def _rates(
     value: float,
     extent: float,
 ) -> _Rates:
-    """Derivatives by the held constant `name` at its value, of a range so long, with the parameters
-    at coordinates (free,).
+    """The derivatives by the held constant `name` at its value, with the parameters at coordinates
+    `x` (coordinates,). The step is a share of the constant's range, which is `extent` long.
     """
 
     def predicted(held: FloatArray) -> FloatArray:
-        """Of constants (constants, 1): predictions, the mean contact time, then derived quantities
-        (constants, impacts columns + 1 + quantities).
+        """At values of the constant (values, 1): all predictions, the mean contact time, then
+        derived quantities (values, impacts x columns + 1 + quantities).
         """
         rows = []
         for constant in held[:, 0].tolist():
@@ -111,7 +111,7 @@ def _rates(
             rows.append(np.concatenate([mean.ravel(), cell.time, *following]))
         return np.stack(rows)
 
-    step = np.array([STEP * extent])
+    step = np.array([STEP_SHARE * extent])
     unlimited = np.array([np.inf])
     at = np.array([[value]])
     slopes = central(predicted, at, step, -unlimited, unlimited)[1][0, 0]
@@ -121,8 +121,10 @@ def _rates(
 
 
 def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
-    """Name, value and range: two stated sds, else the ITF's tolerance, or what shells allow; of a
-    camera `CAMERA`. Of a ball of another kind nothing is known but what the scene states.
+    """The name, value and range of each held constant, in SI.
+
+    For a ball the range is two stated sds, else the ITF's tolerance, or what shells allow, for a
+    camera its reach. Of a ball that is no tennis ball only what the scene states is known.
     """
     held = {}
     for parameter in problem.parameters:
@@ -138,17 +140,17 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
         sd = stated.get(key)
         if key == "inertia_ratio" and tennis and sd is None:
             sd = INERTIA_SD
-        untested = ROUND if key == "inertia_ratio" else (value, value)
+        untested = ROUND_BODIES if key == "inertia_ratio" else (value, value)
         low, high = tolerated.get(name, untested)
         if sd is not None:
-            low = value - STATED * sd
-            high = value + STATED * sd
+            low = value - STATED_SDS * sd
+            high = value + STATED_SDS * sd
         if name not in problem.free and low <= value <= high and low < high:
             yield name, value, low, high
     bases = {parameter.spec.name.partition("[")[0] for parameter in problem.parameters}
     if problem.forward.model.tangential and "tilt" not in bases:
         held["tilt"] = 0.0
     for name, value in held.items():
-        reach = CAMERA.get(name.partition("[")[0])
+        reach = CAMERA_REACHES.get(name.partition("[")[0])
         if reach is not None:
             yield name, value, value - reach, value + reach
