@@ -31,9 +31,9 @@ STATES_AT_ONCE = 500_000
 
 
 class Effort(msgspec.Struct, frozen=True):
-    """The effort of a fit: the `seed` of all random numbers, whether only the best values are
-    searched for (`point_only`), the most steps of each ensemble (`max_steps`), and the `cores` in
-    use (None: all).
+    """The effort of a fit. All random numbers come from the `seed`. If it is `point_only`, only the
+    best values are searched for. An ensemble makes `max_steps` at most, and computations use so
+    many `cores` (None: all).
 
     Raises:
         ParameterError: a number is not an int, or too small (`effort`).
