@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -50,6 +51,15 @@ def calibrate(
         return _calibrate(problem, effort, progress, user_model)
 
 
+@contextmanager
+def _stage(progress: Progress, seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Report the begin of a stage of that name, and add its duration [s] to `seconds`."""
+    progress(name, 0.0)
+    start = perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + perf_counter() - start
+
+
 def _calibrate(
     problem: Problem,
     effort: Effort,
@@ -58,14 +68,7 @@ def _calibrate(
 ) -> Fitted:
     """The stages of a fit in turn, each of which is timed."""
     seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(name: str) -> Iterator[None]:
-        progress(name, 0.0)
-        start = perf_counter()
-        yield
-        seconds[name] = seconds.get(name, 0.0) + perf_counter() - start
-
+    stage = partial(_stage, progress, seconds)
     posterior = diagnostics = None
     status: schema.FitStatus = "point only"
     with stage("searching"):
