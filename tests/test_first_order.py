@@ -208,7 +208,7 @@ def test_levels_that_agree_have_the_prior_of_a_search():
     assert_allclose(covariance_of(first), wide, rtol=1e-6, atol=1e-14)
 
 
-def test_noise_is_that_of_two_measurements_each():
+def test_each_measurement_adds_two_to_the_information_about_its_noise():
     problem = grip_slip(table_of(REBOUND, count=12))
     sd = sd_in_proposal(problem, truth_in(problem), "spin_sd")
     # ln of the noise: 2 n of the table, and the prior's.

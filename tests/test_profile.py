@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from support.density import REBOUND, near, problem_of, scene_of, table_of, truth_of
 from support.fits import bounded, drops_of, line
 
-from fitball.inference.judgement.profile import drops, profiles
+from fitball.inference.judgement.profile import likelihood_drops, profiles
 from fitball.inference.search.objective import Objective, descend
 
 SPEEDS = np.linspace(5.0, 17.0, 7)
@@ -56,7 +56,7 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
     fix = {} if noise is None else {"v_y_sd": noise}
     problem = dropped(line, y, prior=prior, fix=fix)
     start = from_values(problem, {"a": 0.5, "b": 0.1})
-    found, why = profiles(problem, start)
+    by_name, why = profiles(problem, start)
     assert why == ""
     inverse = np.linalg.inv(DESIGN.T @ DESIGN)
     best = inverse @ DESIGN.T @ y
@@ -67,7 +67,7 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
     reach_68 = np.array(law.interval(0.6826894921))
     reach_95 = np.array(law.interval(0.95))
     for k, name in enumerate(("a", "b")):
-        profile = found[name]
+        profile = by_name[name]
         size = np.sqrt(inverse[k, k])
         ends_68 = np.subtract(profile.interval_68, best[k])
         ends_95 = np.subtract(profile.interval_95, best[k])
@@ -81,7 +81,7 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
         assert profile.drop.min() == 0.0
     if noise is None:
         # n ln(s/s0) + n (s0^2/s^2 - 1)/2.
-        profile = found["v_y_sd"]
+        profile = by_name["v_y_sd"]
         ratio = np.sqrt(squares / 7.0) / profile.values
         exact = 3.5 * (ratio**2 - 1.0) - 7.0 * np.log(ratio)
         assert_allclose(profile.drop, exact, atol=2e-3)
@@ -101,14 +101,14 @@ def test_the_drop_covers_with_seven_rows_and_that_of_many_does_not():
     of_b = squares_beside(y, DESIGN[:, 1:])
     drop = 3.5 * np.log(of_b / of_both)
     problem = dropped(line, y[0])
-    drop_68, drop_95 = drops(problem)
+    drop_68, drop_95 = likelihood_drops(problem)
     # Three standard errors of 4000 are 1 %.
     assert np.mean(drop < drop_95) == pytest.approx(0.95, abs=0.01)
     assert np.mean(drop < drop_68) == pytest.approx(0.683, abs=0.022)
     assert np.mean(drop < 1.92) < 0.90
     of_known_noise = dropped(line, y[0], fix={"v_y_sd": 0.05})
     classical = 0.5 * stats.chi2(1).ppf(0.95)
-    assert drops(of_known_noise)[1] == pytest.approx(classical)
+    assert likelihood_drops(of_known_noise)[1] == pytest.approx(classical)
 
 
 def squares_of_wells(y, a, c):
@@ -130,8 +130,8 @@ def test_two_optima_the_highest_counts_wherever_the_search_began(c, sd, starts):
     y = SPEEDS * 0.7 + c * (SPEEDS - 10.0) + noise
     problem = dropped(wells, y, fix={"c": c})
     rows = [{"a": a} for a in starts]
-    found, _ = profiles(problem, from_values(problem, *rows))
-    profile = found["a"]
+    by_name, _ = profiles(problem, from_values(problem, *rows))
+    profile = by_name["a"]
     low, high = profile.interval_95
     assert low < -0.9
     assert high > 1.0
@@ -140,20 +140,20 @@ def test_two_optima_the_highest_counts_wherever_the_search_began(c, sd, starts):
     squares = squares_of_wells(y, profile.values, c)
     assert_allclose(profile.drop, 3.5 * np.log(squares / least), atol=2e-3)
     # The noise of the better one.
-    profile = found["v_y_sd"]
+    profile = by_name["v_y_sd"]
     best = profile.values[np.argmin(profile.drop)]
     assert best == pytest.approx(np.sqrt(least / 7.0), rel=1e-3)
 
 
-def test_mirrored_wells_are_found_by_every_profile():
+def test_every_profile_has_both_of_two_mirrored_wells():
     """The same with both signs changed: each of the two is nothing by itself."""
     y = SPEEDS * 0.7 + 0.1 * (SPEEDS - 10.0) + noisy(2)
     problem = dropped(wells, y)
     first = {"a": 1.0, "c": 0.1}
     second = {"a": -1.0, "c": -0.1}
-    found, _ = profiles(problem, from_values(problem, first, second))
+    by_name, _ = profiles(problem, from_values(problem, first, second))
     for name in ("a", "c"):
-        low, high = found[name].interval_95
+        low, high = by_name[name].interval_95
         assert low == pytest.approx(-high, rel=0.03)
         assert high > 0.1
 
@@ -177,8 +177,8 @@ def test_along_a_wall_the_profile_is_scipys():
     problem, truth = two_mass(mass_ratio=0.78, seed=3)
     objective = Objective(problem, penalised=False)
     x, _, _ = descend(objective, problem.coordinates(truth)[None])
-    found, _ = profiles(problem, x)
-    profile = found["mass_ratio"]
+    by_name, _ = profiles(problem, x)
+    profile = by_name["mass_ratio"]
     free = list(problem.free)
     k = free.index("mass_ratio")
     wall = free.index("cor_10")
@@ -219,32 +219,32 @@ def test_along_a_wall_the_profile_is_scipys():
 def test_a_best_value_at_its_bound_is_open_there():
     y = DESIGN @ [0.7, -0.02] + noisy(1)
     problem = dropped(bounded, y)
-    found, _ = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1}))
-    low, high = found["b"].interval_95
+    by_name, _ = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1}))
+    low, high = by_name["b"].interval_95
     assert low is None
     assert 0.0 < high < 0.02
-    best = np.argmin(found["b"].drop)
-    assert found["b"].values[best] == 0.0
-    assert None not in found["a"].interval_95
+    best = np.argmin(by_name["b"].drop)
+    assert by_name["b"].values[best] == 0.0
+    assert None not in by_name["a"].interval_95
 
 
 def test_what_was_measured_beside_the_table_stays():
     without = problem_of(table_of(REBOUND), None, "two-mass")
-    found, _ = profiles(without, near(without, 1, 0.0))
-    assert found["k_y"].interval_95 == (None, None)
+    by_name, _ = profiles(without, near(without, 1, 0.0))
+    assert by_name["k_y"].interval_95 == (None, None)
     scene = scene_of(camera=True, time=True)
     problem = problem_of(table_of(REBOUND), scene, "two-mass")
-    found, _ = profiles(problem, near(problem, 1, 0.0))
-    drop_68, drop_95 = drops(problem)
+    by_name, _ = profiles(problem, near(problem, 1, 0.0))
+    drop_68, drop_95 = likelihood_drops(problem)
     # Eight parameters, of which the contact time shows one; the camera's are stated.
     quantile = stats.t(23).ppf(0.975)
     assert drop_95 == pytest.approx(15.0 * np.log1p(quantile**2 / 23.0))
     reach = np.sqrt(2.0 * drop_68)
     # A contact time known to 10 % goes with one over the root of the stiffness.
-    low, high = found["k_y"].interval_68
+    low, high = by_name["k_y"].interval_68
     half = 0.5 * np.log(high / low)
     assert half == pytest.approx(0.2 * reach, rel=0.05)
-    low, high = found["clock"].interval_68
+    low, high = by_name["clock"].interval_68
     half = 0.5 * (high - low)
     assert half == pytest.approx(0.001 * reach, rel=0.05)
 
@@ -254,13 +254,13 @@ def test_some_tables_have_none():
     truth = {"a": 0.7, "b": 0.0}
     y = np.tile(DESIGN @ [0.7, -0.02], 50)
     long = dropped(line, y + noisy(1, 350), np.tile(SPEEDS, 50))
-    found, _ = profiles(long, from_values(long, truth))
-    assert found == {}
+    by_name, _ = profiles(long, from_values(long, truth))
+    assert by_name == {}
     exact = dropped(line, DESIGN @ [0.7, -0.02])
-    found, why = profiles(exact, from_values(exact, truth))
-    assert found == {}
+    by_name, why = profiles(exact, from_values(exact, truth))
+    assert by_name == {}
     assert "v_y_sd" in why
     short = dropped(line, y[:2], SPEEDS[:2])
-    assert drops(short) == ()
-    found, _ = profiles(short, from_values(short, truth))
-    assert found == {}
+    assert likelihood_drops(short) == ()
+    by_name, _ = profiles(short, from_values(short, truth))
+    assert by_name == {}

@@ -1,13 +1,13 @@
 """Profile likelihoods: paths of all parameters walk outwards together.
 
-The likelihood with one parameter held, all others at their best; what the scene measured counts
-with the data. One batch of searches a step, until the drop passes the 95 % level with a margin or a
-bound is met. Each search begins where the last two points of its path point to, and at every other
-maximum that is nearly as high: so the profile is that of the highest.
+A profile is the likelihood with one parameter held and all others at their best; what the scene
+measured counts with the data. A step is one batch of searches, until the drop passes the 95 % level
+with a margin or a bound is met. Each search begins where the last two points of its path point to,
+and at every other maximum that is nearly as high, so that the profile is that of the highest.
 
-With an unknown noise the log likelihood of a linear model drops by n/2 ln(1 + t^2/(n-p)), n
-measurements and p parameters, where Student's t of n-p is t: at 95 % that is 1.92 of many
-measurements, and 3.0 of 7 with 2 parameters.
+With an unknown noise the log likelihood of a linear model drops by n/2 ln(1 + t^2/(n-p)) where t is
+that of Student's t of n-p, for n measurements and p parameters. At 95 % that is 1.92 for many
+measurements, and 3.0 for 7 with 2 parameters.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -26,50 +27,57 @@ from fitball.inference.schema import Interval, Profile
 from fitball.inference.search.objective import Objective, descend
 
 # Shares of the intervals: one sd of a normal distribution to either side, and 95 %.
-SHARES = (0.6826894921370859, 0.95)
+LEVEL_SHARES = (0.6826894921370859, 0.95)
 # Where a path ends, in drops of the 95 % level: a margin, so that the level is crossed between two
 # points of it.
-DEPTH = 1.3
-# What a step aims at, in drops of the 95 % level: some five points to either side.
-AIM = 0.3
-# The longest step, in drops of the 95 % level: what falls further at once may be a jump, and is
-# tried again in shorter steps.
-COARSE = 0.8
-# A drop is good to this, ten times less than a path could notice.
-PROMISED = 1e-3
+END_DROP = 1.3
+# The drop that a step aims at, in drops of the 95 % level. Paths of bundled tables have 3 to 10
+# points with it; with half of it ends of intervals move by 0.2 % of their widths at most.
+AIMED_DROP = 0.3
+# The largest drop at one step, in drops of the 95 % level: what falls further may be a jump, and is
+# tried again in shorter steps. Chosen by hand; with half of it ends of intervals of bundled tables
+# move by 0.2 % of their widths at most.
+LONGEST_DROP = 0.8
+# Gain promised by a step from which a search ends: drops are good to about this, a tenth of
+# HIGHER_MAXIMUM.
+PROMISED_GAIN = 1e-3
 # Tries, every second with half the step, before what cannot be evaluated is the model's end, and
 # what is far lower a jump: after 8 halvings a step is 1/256 of what it was.
-TRIES = 16
-# The share of the way from the best value to which the model's end, or a jump, is found.
-FINE = 1e-3
-# Points of a path at most: where steps go as they aim it has five.
-MOST = 80
-# A maximum is higher from this gain of the log likelihood on: ten times what a drop is good to.
-HIGHER = 0.01
-# A maximum is one of its own from this distance in widths of priors on: nearer to each other lie
-# ends of searches that climbed the same one.
-SAME = 1e-2
-# Searches for the highest maximum, each from a higher one that a path met.
-RESTARTS = 8
-# A value whose logarithm has no end is zero to rounding so far below the best.
-EMPTY = 30.0
-# A noise is at its bound from this share above it on.
-AT_BOUND = 1e-3
+MOST_TRIES = 16
+# The share of the way from the best value within which the model's end, or a jump, is found.
+FINE_SHARE = 1e-3
+# Points of a path at most: a guard, far above the 10 of paths of bundled tables. Chosen by hand.
+MOST_POINTS = 80
+# Gain of the log likelihood from which a maximum is higher than another: ten times what a drop is
+# good to.
+HIGHER_MAXIMUM = 0.01
+# Largest distance, in widths of priors, within which two maxima are the same. Chosen by hand:
+# profiles of bundled tables are the same with a tenth of it and with ten times as much.
+SAME_MAXIMUM = 1e-2
+# Searches for the highest maximum at most, each from a higher one that a path met.
+MOST_RESTARTS = 8
+# How far below the best a path goes in a logarithm that has no bound: e^-30 is zero to rounding.
+# As much is the end above.
+ZERO_LOGARITHM = 30.0
+# Share of a bound above it within which a noise is at its bound.
+BOUND_SHARE = 1e-3
 # The shortest step after another, in lengths of that: one point may lie off the parabola.
-SHRINK = 0.25
+SHORTEST_RATIO = 0.25
 # The longest step after another, in lengths of that: a parabola is not trusted further out.
-GROW = 2.0
-# Share of the aim from which a drop tells of a parabola; a smaller one is flat to all purposes.
-FLAT = 0.05
-# A maximum that is nearer, in steps, is one that was just passed.
-ROUNDING = 1e-9
+LONGEST_RATIO = 2.0
+# Share of the aim from which a drop shows a parabola; of a smaller one the curvature is unknown.
+FLAT_SHARE = 0.05
+# Steps within which a maximum is the one that was just passed, to rounding.
+ROUNDED_STEPS = 1e-9
 
 
 @dataclass
 class _Path:
-    """One direction of one parameter: `at` (points,) where it was held, `x` the best coordinates
-    there, `cost`; the `others` (rivals,) are where further maxima have it; searches `reached`
-    (rows, free).
+    """The path of the parameter of a `column` in one direction, to an `end`.
+
+    By point it has where the parameter was held (`at`), the best coordinates `x` there, and their
+    `cost`. `others` (rivals,) are the values of the parameter at further maxima, `reached`
+    (searches, coordinates) the ends of the first searches.
     """
 
     column: int
@@ -86,13 +94,13 @@ class _Path:
 
     @property
     def proposal(self) -> float:
-        """Where the parameter is held next: a step ahead, at most at the end."""
+        """The coordinate at which the parameter is held next: a step ahead, at most at the end."""
         ahead = self.at[-1] + self.step
         return min(ahead, self.end) if self.step > 0.0 else max(ahead, self.end)
 
     def start(self) -> FloatArray:
-        """Where the last two points point to; where that led nowhere, what searches reached
-        before.
+        """The coordinates (coordinates,) from which the next search begins: where the last two
+        points point to, or, where that led nowhere, what searches reached before.
         """
         if self.tries % 2:
             return np.asarray(self.reached[self.tries // 2 % len(self.reached)])
@@ -103,16 +111,17 @@ class _Path:
         share = (self.proposal - last) / (last - before)
         return np.asarray(x_last + share * (x_last - x_before))
 
-    def take(self, x: FloatArray, cost: float) -> None:
-        """Take a point, or go back half a step; stop where the drop is enough, at the bound, or at
-        the model's end. What lies between two maxima is passed over.
+    def accept(self, x: FloatArray, cost: float) -> None:
+        """Add the point that a search reached, or go back half a step. The path stops where the
+        drop is enough, at the bound, or at the model's end; it passes over what lies between two
+        maxima.
         """
         at = float(x[self.column])
         step = at - self.at[-1]
         way = abs(self.at[-1] - self.at[0])
-        fine = self.tries >= TRIES or 0.0 < abs(step) <= FINE * way
-        far = self.cost[-1] - self.cost[0] > DEPTH * self.level
-        jump = cost - self.cost[-1] > COARSE * self.level
+        fine = self.tries >= MOST_TRIES or 0.0 < abs(step) <= FINE_SHARE * way
+        far = self.cost[-1] - self.cost[0] > END_DROP * self.level
+        jump = cost - self.cost[-1] > LONGEST_DROP * self.level
         sure = fine and self.tries % 2 == 1
         if not math.isfinite(cost) or (jump and not far and not sure):
             self.tries += 1
@@ -125,135 +134,147 @@ class _Path:
         self.cost.append(cost)
         self.tries = 0
         self.step = self._next_step(step)
-        if cost - self.cost[0] >= DEPTH * self.level:
+        if cost - self.cost[0] >= END_DROP * self.level:
             self._go_to_next_maximum(step)
-        self.running &= abs(self.end - at) > 0.0 and len(self.at) < MOST
+        self.running &= abs(self.end - at) > 0.0 and len(self.at) < MOST_POINTS
 
     def _next_step(self, step: float) -> float:
-        """The step after one of `step`: it lowers the parabola from the top through the last point
-        by the aim.
+        """The step after one of `step`: on the parabola from the top through the last point it
+        lowers the likelihood by the aim.
         """
-        aim = AIM * self.level
+        aim = AIMED_DROP * self.level
         drop = self.cost[-1] - self.cost[0]
         aimed = math.inf
-        if drop > FLAT * aim:
+        if drop > FLAT_SHARE * aim:
             away = abs(self.at[-1] - self.at[0])
             aimed = away * (math.sqrt(1.0 + aim / drop) - 1.0)
-        length = max(aimed, SHRINK * abs(step))
-        length = min(length, GROW * abs(step))
+        length = max(aimed, SHORTEST_RATIO * abs(step))
+        length = min(length, LONGEST_RATIO * abs(step))
         return math.copysign(length, step)
 
     def _go_to_next_maximum(self, step: float) -> None:
-        """After a drop that is enough, `step` the last: go on to the next maximum, or stop."""
+        """Go on to the next maximum after a drop that is enough, or stop where there is none.
+        `step` was the last.
+        """
         steps_ahead = (self.others - self.at[-1]) / step
-        steps_ahead = steps_ahead[steps_ahead > ROUNDING]
+        steps_ahead = steps_ahead[steps_ahead > ROUNDED_STEPS]
         self.running = steps_ahead.size > 0
         self.step = step * float(steps_ahead.min()) if self.running else step
 
 
-def profiles(problem: Problem, optima: FloatArray) -> tuple[dict[str, Profile], str]:
-    """Of the free parameters, from the coordinates of optima (optima, free); or why there are none
-    (more than PROFILED_ROWS, or measurements that leave nothing of the noise).
+def profiles(
+    problem: Problem,
+    optima: Annotated[FloatArray, "optima coordinates"],
+) -> tuple[dict[str, Profile], str]:
+    """The profiles of the free parameters by name, searched from the coordinates of optima; or
+    none, and why in words: more than PROFILED_ROWS, or measurements that leave nothing for the
+    noise.
     """
     if len(problem.rows.y) > PROFILED_ROWS:
         as_good = f"Above {PROFILED_ROWS} impacts standard errors are as good as profiles"
         return {}, f"{as_good}, which are left out."
-    levels = drops(problem)
+    levels = likelihood_drops(problem)
     if not levels:
         return {}, "There are no more measurements than parameters: nothing is left for the noise."
-    problem = _widened(problem)
+    problem = _with_default_widths(problem)
     starts = optima
-    for _ in range(RESTARTS):
+    for _ in range(MOST_RESTARTS):
         x, cost, converged = descend(Objective(problem, penalised=False), starts)
         order = np.argsort(cost, kind="stable")
         top = order[0]
         lowest = float(cost[top])
         maxima = [x[top]]
         for k in order[1:]:
-            high = cost[k] < lowest + DEPTH * levels[1]
+            high = cost[k] < lowest + END_DROP * levels[1]
             if high and converged[k] and _is_apart(problem, x[k], maxima):
                 maxima.append(x[k])
-        if name := _vanishing(problem, x[top]):
+        if name := _vanishing_noise(problem, x[top]):
             exactly = "The model can reproduce the measurements exactly"
             return {}, f"{exactly}: {name} goes to its bound."
-        paths = _walk(problem, lowest, np.array(maxima), levels[1], x[order])
+        paths = _walk_paths(problem, lowest, np.array(maxima), levels[1], x[order])
         if isinstance(paths, list):
             sides = zip(problem.free, paths[::2], paths[1::2], strict=True)
             return {name: _profile(problem, down, up, levels) for name, down, up in sides}, ""
         starts = np.concatenate([paths[None], maxima])
-    return {}, f"After {RESTARTS} searches, higher maxima of the likelihood still appear."
+    return {}, f"After {MOST_RESTARTS} searches, higher maxima of the likelihood still appear."
 
 
 def _is_apart(problem: Problem, x: FloatArray, maxima: Sequence[FloatArray]) -> bool:
-    """Whether coordinates (free,) are none of those of the maxima (free,)."""
+    """Whether coordinates (coordinates,) are apart from those of all maxima."""
     distances = [np.max(np.abs(x - maximum) / problem.prior.width) for maximum in maxima]
-    return all(distance > SAME for distance in distances)
+    return all(distance > SAME_MAXIMUM for distance in distances)
 
 
-def drops(problem: Problem) -> tuple[float, ...]:
-    """The drops of the log likelihood of SHARES; none where the noise has no degree of freedom."""
+def likelihood_drops(problem: Problem) -> tuple[float, ...]:
+    """The drops of the log likelihood at the ends of intervals with LEVEL_SHARES; none where the
+    noise has no degree of freedom.
+    """
     from scipy.special import ndtri, stdtrit
 
     measured = np.isfinite(problem.rows.y).sum(axis=0)
-    noises = [item.noise for item in problem.observables]
+    noises = [observable.noise for observable in problem.observables]
     unknown = [name in problem.free for name in noises]
     count = int(measured[unknown].sum())
     fitted = [
-        item
-        for item in problem.prior.parameters
-        if item.spec.name not in noises and not item.measured
+        parameter
+        for parameter in problem.prior.parameters
+        if parameter.spec.name not in noises and not parameter.measured
     ]
     freedom = count - len(fitted) + (problem.contact_time is not None)
     if not count:
-        return tuple(0.5 * float(ndtri(0.5 + 0.5 * share)) ** 2 for share in SHARES)
+        return tuple(0.5 * float(ndtri(0.5 + 0.5 * share)) ** 2 for share in LEVEL_SHARES)
     if freedom < 1:
         return ()
-    ends = (float(stdtrit(freedom, 0.5 + 0.5 * share)) for share in SHARES)
+    ends = (float(stdtrit(freedom, 0.5 + 0.5 * share)) for share in LEVEL_SHARES)
     return tuple(0.5 * count * math.log1p(end**2 / freedom) for end in ends)
 
 
-def _widened(problem: Problem) -> Problem:
-    """The same with steps of searches by the default priors where the user's are narrower: the
-    likelihood is not.
+def _with_default_widths(problem: Problem) -> Problem:
+    """The problem with steps of searches by the default priors where the user's are narrower, for
+    the likelihood is not.
     """
     ends = np.array([0.16, 0.84])
     with np.errstate(invalid="ignore", divide="ignore"):
         # A prior about zero says nothing of a logarithm.
         shown = [
-            item.prior.coordinate(parse_prior(item.spec).quantile(ends))
-            for item in problem.prior.parameters
+            parameter.prior.coordinate(parse_prior(parameter.spec).quantile(ends))
+            for parameter in problem.prior.parameters
         ]
     wide = 0.5 * np.ptp(shown, axis=1)
     width = np.fmax(problem.prior.width, np.where(np.isfinite(wide), wide, 0.0))
     return replace(problem, prior=replace(problem.prior, width=width))
 
 
-def _vanishing(problem: Problem, top: FloatArray) -> str:
-    """The noise of a column that goes to its bound; one beyond stated errors may."""
+def _vanishing_noise(problem: Problem, top: FloatArray) -> str:
+    """The name of a noise that is at its bound at the coordinates `top`, or "". A scatter beyond
+    stated errors may be there.
+    """
     values = problem.values(top[None])
-    alone = {item.noise for item in problem.observables if not item.stated}
-    for item in problem.prior.parameters:
-        name = item.spec.name
-        nearest = item.spec.lower * (1.0 + AT_BOUND)
-        if name in alone and values[name][0] < nearest:
+    unstated = {observable.noise for observable in problem.observables if not observable.stated}
+    for parameter in problem.prior.parameters:
+        name = parameter.spec.name
+        nearest = parameter.spec.lower * (1.0 + BOUND_SHARE)
+        if name in unstated and values[name][0] < nearest:
             return name
     return ""
 
 
-def _walk(
+def _walk_paths(
     problem: Problem,
     lowest: float,
     maxima: FloatArray,
     level: float,
     reached: FloatArray,
 ) -> list[_Path] | FloatArray:
-    """The paths of all parameters, down and up in turn; or where a higher maximum is met."""
+    """The paths of all parameters, down and up in turn, from the highest of the `maxima` (maxima,
+    coordinates); or the coordinates (coordinates,) of a higher maximum that one of them met.
+    """
     prior = problem.prior
     top = maxima[0]
     rivals = maxima[1:]
-    step = math.sqrt(2.0 * AIM * level) * _errors(problem, top)
-    low = np.where(np.isinf(prior.low), top - EMPTY, prior.low)
-    high = np.where(np.isinf(prior.high), top + EMPTY, prior.high)
+    step = math.sqrt(2.0 * AIMED_DROP * level) * _standard_errors(problem, top)
+    low = np.where(np.isinf(prior.low), top - ZERO_LOGARITHM, prior.low)
+    high = np.where(np.isinf(prior.high), top + ZERO_LOGARITHM, prior.high)
     paths = [
         _Path(
             k,
@@ -276,18 +297,20 @@ def _walk(
         held = np.repeat([path.column for path in running], searches)
         held_at = np.repeat([path.proposal for path in running], searches)
         starts[np.arange(len(held)), held] = held_at
-        x, cost, _ = descend(Objective(problem, penalised=False, held=held), starts, PROMISED)
-        if cost.min() < lowest - HIGHER:
+        x, cost, _ = descend(Objective(problem, penalised=False, held=held), starts, PROMISED_GAIN)
+        if cost.min() < lowest - HIGHER_MAXIMUM:
             return np.asarray(x[np.argmin(cost)])
         best_searches = cost.reshape(-1, searches).argmin(axis=1)
         for k, path in enumerate(running):
             row = k * searches + best_searches[k]
-            path.take(x[row], float(cost[row]))
+            path.accept(x[row], float(cost[row]))
     return paths
 
 
-def _errors(problem: Problem, top: FloatArray) -> FloatArray:
-    """Standard errors (free,) to first order, at most the widths of the priors."""
+def _standard_errors(problem: Problem, top: FloatArray) -> FloatArray:
+    """The standard errors (coordinates,) at a maximum to first order, at most the widths of the
+    priors.
+    """
     width = problem.prior.width
     _, curvature = Objective(problem, penalised=False).linearised(top[None])
     scaled = curvature[0] * np.outer(width, width) + np.eye(top.size)
@@ -303,8 +326,8 @@ def _profile(problem: Problem, down: _Path, up: _Path, levels: Sequence[float]) 
     prior = problem.prior.parameters[down.column].prior
 
     def crossing(level: float, at: FloatArray, drop: FloatArray) -> float | None:
-        """Where the drop passes a level for the last time on the way outwards, linear in its root
-        (Bates and Watts 1988, section 6.1).
+        """The value where the drop passes a level for the last time on the way outwards, or None.
+        Between points the root of the drop is linear (Bates and Watts 1988, section 6.1).
         """
         if drop[-1] < level:
             return None
