@@ -26,7 +26,8 @@ from typing import NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-# By the beginning of a module's path the tests of its room, those most likely to fail first.
+# Tests of a room, those most likely to fail first, by the beginning of the path of its modules; the
+# first beginning that fits counts.
 TESTS = {
     "models/kernels": "hard_cases laws oracle models history",
     "models/own": "own_model",
@@ -96,6 +97,7 @@ TESTS = {
     "verbs": "verbs cli",
     "": "text_numbers priors files result render scheduling cli calibrate",
 }
+# The comparison that a mutant has for each.
 COMPARED = {
     ast.Lt: ast.LtE,
     ast.LtE: ast.Lt,
@@ -108,6 +110,7 @@ COMPARED = {
     ast.Is: ast.IsNot,
     ast.IsNot: ast.Is,
 }
+# The arithmetic that a mutant has for each.
 COMPUTED = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -115,7 +118,7 @@ COMPUTED = {
     ast.Div: ast.Mult,
     ast.Pow: ast.Mult,
 }
-# Seconds after which tests that do not end have noticed, too.
+# Seconds after which tests that do not end count as failed.
 PATIENCE = 900
 
 
@@ -181,7 +184,7 @@ def constants(tree: ast.Module) -> Iterator[ast.expr]:
 
 def mutants(room: str, only_constants: bool = False) -> list[Mutant]:
     """Every mutant of the modules whose path in the package begins with `room`."""
-    found = []
+    drawable = []
     for path in sorted((ROOT / "fitball").rglob("*.py")):
         if not str(path.relative_to(ROOT / "fitball")).startswith(room):
             continue
@@ -194,7 +197,7 @@ def mutants(room: str, only_constants: bool = False) -> list[Mutant]:
                 first = int(starts[node.lineno - 1]) + node.col_offset
                 last = int(starts[(node.end_lineno or 0) - 1]) + (node.end_col_offset or 0)
                 after = f"({ast.unparse(ast.fix_missing_locations(other))})"
-                found.append(
+                drawable.append(
                     Mutant(
                         str(path.relative_to(ROOT)),
                         node.lineno,
@@ -204,7 +207,7 @@ def mutants(room: str, only_constants: bool = False) -> list[Mutant]:
                         after,
                     )
                 )
-    return found
+    return drawable
 
 
 def failing(tree: Path, tests: list[str]) -> str:
@@ -280,20 +283,22 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
-    asked = parser.parse_args()
-    rng = np.random.default_rng(asked.seed)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
     drawn: list[Mutant] = []
-    for k, room in enumerate(asked.rooms):
+    for k, room in enumerate(arguments.rooms):
         every = [
             mutant
-            for mutant in mutants(room, asked.constants)
+            for mutant in mutants(room, arguments.constants)
             if not (room == "models" and "/kernels/" in mutant.file)
         ]
-        share = asked.count // len(asked.rooms) + (k < asked.count % len(asked.rooms))
+        share = arguments.count // len(arguments.rooms) + (
+            k < arguments.count % len(arguments.rooms)
+        )
         drawn += [every[i] for i in rng.choice(len(every), min(share, len(every)), replace=False)]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.processes) as pool:
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(arguments.processes) as pool:
         trees = SimpleQueue[Path]()
-        for k in range(asked.processes):
+        for k in range(arguments.processes):
             trees.put(copied(Path(folder) / str(k)))
         for line in pool.map(partial(judged, trees), drawn):
             print(line, flush=True)

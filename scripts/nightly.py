@@ -1,8 +1,8 @@
-"""The long things, a line of result each: `scripts/test --nightly [PART ...]`, in the environment
-of scripts/test.
+"""The long tests, a line of result each: `scripts/test --nightly [PART ...]`, in the environment of
+scripts/test.
 
-pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, addresses asked for,
-           widths, pictures
+pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, addresses that are
+           requested, widths, pictures
 ports      ports compiled and run; those without a compiler are skipped
 docs       generated parts, links, words, and the commands of all pages
 hostile    damaged tables, scenes, fits, names and places
@@ -24,19 +24,25 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+# Names by which systems call Chromium.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+# Versions of Python that fitball supports.
 PYTHONS = ("3.11", "3.12", "3.13")
+# Versions of the packages that fitball needs.
 ENDS = ("lowest", "newest")
+# Packages that the quick tests need besides.
 TOOLS = ("hypothesis", "mpmath", "openpyxl", "pytest", "pytest-xdist")
+# Tests of what other packages compute, read, write or draw for fitball.
 QUICK = (
     "read saved sampling least_squares calibrate render exports scheduling cli batch tracks "
     "models plot"
 )
-# Words for Python, -P but for studies, which import each other; WORK is a folder that is removed
-# again.
+# Arguments of Python by part. Studies import each other, thus without -P. WORK is a folder that is
+# removed again.
 COMMANDS = {
     "ports": [
         "-P -m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py "
@@ -51,7 +57,7 @@ COMMANDS = {
 }
 # The checker of a user's script, besides mypy.
 PYRIGHT = "pyright==1.1.414"
-# What each verb is asked for its page, in the folder of that name; `fit` is the first one's.
+# Command of each page, by the folder of its result; `fit` is used by those after it.
 PAGES = {
     "fit": "calibrate wang_all.csv --figures all",
     "drop": "calibrate synthetic_drop.csv",
@@ -66,43 +72,59 @@ PAGES = {
     "rederive": "rederive",
     "bench": "bench",
 }
-# Put into each page, which a frame shows: what it complains of goes to the page around it.
+# Script that is put into each page, which a frame shows. It sends faults of its page to the page
+# around it.
 WATCH = """<script>(() => {
-  const found = [];
-  addEventListener('error', e => found.push(e.message || e.target.tagName + ' did not load'), true);
-  addEventListener('unhandledrejection', e => found.push('rejected: ' + e.reason));
-  console.error = console.warn = (...words) => found.push('console: ' + words.join(' '));
+  const faults = [];
+  const failed = e => faults.push(e.message || e.target.tagName + ' did not load');
+  addEventListener('error', failed, true);
+  addEventListener('unhandledrejection', e => faults.push('rejected: ' + e.reason));
+  console.error = console.warn = (...words) => faults.push('console: ' + words.join(' '));
   addEventListener('load', async () => {
-    document.querySelectorAll('details').forEach(one => one.open = true);
-    const broken = () => found.push('a picture is broken');
-    await Promise.all([...document.images].map(one => one.decode().catch(broken)));
+    document.querySelectorAll('details').forEach(details => details.open = true);
+    const broken = () => faults.push('a picture is broken');
+    await Promise.all([...document.images].map(image => image.decode().catch(broken)));
     const width = document.documentElement.scrollWidth;
-    if (width > innerWidth) found.push(`${width} px wide`);
-    for (const one of performance.getEntriesByType('resource'))
-      if (!one.name.startsWith('data:')) found.push('asks for ' + one.name);
-    parent.postMessage([name, found], '*');
+    if (width > innerWidth) faults.push(`${width} px wide`);
+    for (const entry of performance.getEntriesByType('resource'))
+      if (!entry.name.startsWith('data:')) faults.push('asks for ' + entry.name);
+    parent.postMessage([name, faults], '*');
   });
 })()</script>"""
+# Page around the frames: its title collects the faults of all.
 FRAMES = """<!doctype html><script>const all = {};
 addEventListener('message', e => {
     all[e.data[0]] = e.data[1];
     document.title = JSON.stringify(all);
 });</script>"""
+# A page with five faults and more, which must be found.
 CONTROL = (
     "<head><p style='width: 2000px'><script>console.error('said'); nothing()</script><img "
     "src='none.png'>"
 )
 
 
+# Faults of CONTROL at a width, at least.
+CONTROL_FAULTS = 5
+# Widths of a page [px]: of a phone, and of a desk.
+WIDTHS = (400, 1280)
+# Lines of a command that failed which are shown.
+LAST_LINES = 25
+# User `nobody`, who owns no file.
+NOBODY = 65534
+
+
 class FailedError(Exception):
-    """What went wrong, in words."""
+    """A part of the long tests failed; the message says why."""
 
 
-def done(*command: str | Path, cwd: Path = ROOT, **environment: str) -> str:
-    """The last line of what a command prints. Raises FailedError with the last ones where it
-    fails.
+def run_command(*command: str | Path, cwd: Path = ROOT, **environment: str) -> str:
+    """Run a command; the last line that it prints.
+
+    Raises:
+        FailedError: the command fails; the message has its last lines.
     """
-    found = subprocess.run(
+    process = subprocess.run(
         list(map(str, command)),
         cwd=cwd,
         env={**os.environ, **environment},
@@ -112,34 +134,35 @@ def done(*command: str | Path, cwd: Path = ROOT, **environment: str) -> str:
         encoding="utf-8",
         errors="replace",
     )
-    lines = found.stdout.splitlines() or [""]
-    if found.returncode:
-        raise FailedError(
-            "\n".join(
-                [f"{shlex.join(map(str, command))}: exit code {found.returncode}", *lines[-25:]]
-            )
-        )
+    lines = process.stdout.splitlines() or [""]
+    if process.returncode:
+        failure = f"{shlex.join(map(str, command))}: exit code {process.returncode}"
+        raise FailedError("\n".join([failure, *lines[-LAST_LINES:]]))
     return lines[-1].strip("= ")
 
 
-def pages(work: Path) -> str:
-    """Make and show all pages; the control has faults, which must be found at both widths."""
+def check_pages(work: Path) -> str:
+    """Make and show all pages. The control has faults, which must be found at both widths.
+
+    Raises:
+        FailedError: no Chromium is installed, or a page has faults.
+    """
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise FailedError("no Chromium is installed")
-    shown = {"control": CONTROL}
+    pages = {"control": CONTROL}
     frames = FRAMES
-    widths = (400, 1280)
     for name, words in PAGES.items():
         fitball = Path(sys.executable).with_name("fitball")
-        done(fitball, *shlex.split(words), "--out", name, "--quiet", cwd=work)
-        shown[name] = next((work / name).glob("*.html")).read_text("utf-8")
-    for name, text in shown.items():
+        run_command(fitball, *shlex.split(words), "--out", name, "--quiet", cwd=work)
+        pages[name] = next((work / name).glob("*.html")).read_text("utf-8")
+    for name, text in pages.items():
         (work / f"{name}.html").write_text(text.replace("<head>", f"<head>{WATCH}", 1), "utf-8")
-        frames += "".join(
-            f"<iframe name='{name} {n}' src={name}.html width={n} frameborder=0></iframe>"
-            for n in widths
-        )
+        for width in WIDTHS:
+            label = f"{name} {width}"
+            frames += (
+                f"<iframe name='{label}' src={name}.html width={width} frameborder=0></iframe>"
+            )
     (work / "all.html").write_text(frames)
     flags = (
         "--headless",
@@ -153,93 +176,100 @@ def pages(work: Path) -> str:
         check=False,
     ).stdout
     title = answer.decode().partition("<title>")[2].partition("</title>")[0]
-    found = json.loads(html.unescape(title) or "{}")
-    bad = [
-        f"{name}: {'; '.join(said)}"
-        for name, said in found.items()
-        if said and "control" not in name
-    ]
-    missing = {f"{name} {width}" for name in [*PAGES, "control"] for width in widths} - set(found)
-    bad += [f"{name}: no answer" for name in sorted(missing)]
-    bad += [
-        f"control: only {found[f'control {n}']}"
-        for n in widths
-        if len(found.get(f"control {n}", "")) < 5
-    ]
+    faults_of_views = json.loads(html.unescape(title) or "{}")
+    bad = faults_of_pages(faults_of_views)
     if bad:
         raise FailedError("\n".join(bad))
-    return f"{len(found)} views"
+    return f"{len(faults_of_views)} views"
 
 
-def readonly(work: Path) -> str:
-    """Root becomes another user for it."""
-    (out := work / "out").mkdir(mode=0o777)
+def faults_of_pages(faults_of_views: Mapping[str, Sequence[str]]) -> list[str]:
+    """What is wrong with pages, by the faults that their views sent; a view is `PAGE WIDTH`."""
+    bad = []
+    for name, faults in faults_of_views.items():
+        if faults and "control" not in name:
+            bad.append(f"{name}: {'; '.join(faults)}")
+    expected = {f"{name} {width}" for name in [*PAGES, "control"] for width in WIDTHS}
+    bad += [f"{name}: no answer" for name in sorted(expected - set(faults_of_views))]
+    for width in WIDTHS:
+        faults = faults_of_views.get(f"control {width}", [])
+        if len(faults) < CONTROL_FAULTS:
+            bad.append(f"control: only {faults}")
+    return bad
+
+
+def check_readonly(work: Path) -> str:
+    """Fit a table as a user who can write nothing but the result; root becomes another user.
+
+    Raises:
+        FailedError: the fit fails.
+    """
+    out = work / "out"
+    out.mkdir(mode=0o777)
+    # The mode of mkdir is cut by the umask.
     out.chmod(0o777)
     work.chmod(0o755)
-    nobody = (
-        ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups") if os.getuid() == 0 else ()
-    )
-    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), "/proc/none") | {
-        "NUMBA_CACHE_DIR": ""
-    }
-    calibrate = (
-        Path(sys.executable).with_name("fitball"),
-        "calibrate",
-        "wang_zero_spin.csv",
-        "--out",
-        out / "fit",
-    )
-    return done(*nobody, *calibrate, cwd=Path("/"), **nowhere)
+    as_nobody: tuple[str, ...] = ()
+    if os.getuid() == 0:
+        as_nobody = ("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups")
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"), "/proc/none")
+    nowhere["NUMBA_CACHE_DIR"] = ""
+    fitball = Path(sys.executable).with_name("fitball")
+    calibrate = (fitball, "calibrate", "wang_zero_spin.csv", "--out", out / "fit")
+    return run_command(*as_nobody, *calibrate, cwd=Path("/"), **nowhere)
 
 
-def types(work: Path) -> str:
-    """What pyright says of a user's script, beside mypy: `tests/test_types.py` skips it where it is
-    not installed.
+def check_types(work: Path) -> str:
+    """Check a user's script by pyright, besides mypy; `tests/test_types.py` skips pyright where it
+    is not installed.
+
+    Raises:
+        FailedError: pyright cannot be installed, or finds a fault.
     """
-    place = work / "pyright"
+    packages = work / "pyright"
     pip = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    done(*pip, "--target", place, PYRIGHT)
-    path = os.pathsep.join([str(place / "bin"), os.environ["PATH"]])
+    run_command(*pip, "--target", packages, PYRIGHT)
+    path = os.pathsep.join([str(packages / "bin"), os.environ["PATH"]])
     test = (sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider")
-    return done(*test, "tests/test_types.py", PATH=path, PYTHONPATH=str(place))
+    return run_command(*test, "tests/test_types.py", PATH=path, PYTHONPATH=str(packages))
 
 
 def python_of(version: str) -> str:
-    """The Python that runs this, one of PATH or pyenv. Raises FailedError where there is none."""
+    """The Python of a version: that which runs this, one of PATH or of pyenv.
+
+    Raises:
+        FailedError: none has this version.
+    """
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
-    for one in (
-        sys.executable,
-        f"python{version}",
-        *map(str, pyenv.glob(f"{version}.*/bin/python")),
-    ):
-        if shutil.which(one):
-            found = subprocess.run(
-                [one, "--version"],
-                capture_output=True,
-                text=True,
-                check=False,
-            ).stdout
-            if found.startswith(f"Python {version}."):
-                return one
+    of_pyenv = map(str, pyenv.glob(f"{version}.*/bin/python"))
+    for python in (sys.executable, f"python{version}", *of_pyenv):
+        if shutil.which(python):
+            command = [python, "--version"]
+            process = subprocess.run(command, capture_output=True, text=True, check=False)
+            if process.stdout.startswith(f"Python {version}."):
+                return python
     raise FailedError("not on this machine")
 
 
-def versions(work: Path, version: str, end: str) -> str:
-    """Quick tests in an environment of its own: lowest as pyproject.toml names it, newest as pip
-    finds it.
+def check_versions(work: Path, version: str, end: str) -> str:
+    """Run the quick tests in a new environment of this Python. At the end `lowest` it has the
+    versions of packages that pyproject.toml states, else the newest.
+
+    Raises:
+        FailedError: no such Python, packages cannot be installed, or a test fails.
     """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *extras["parquet"], *extras["dask"]]
+    requirements = [*project["dependencies"], *extras["parquet"], *extras["dask"]]
     if end == "lowest":
-        wanted = [line.replace(">=", "==") for line in wanted]
-    done(python_of(version), "-m", "venv", work / "venv")
+        requirements = [requirement.replace(">=", "==") for requirement in requirements]
+    run_command(python_of(version), "-m", "venv", work / "venv")
     python = work / "venv" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     pip = (python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    done(*pip, "--only-binary", ":all:", *wanted, *TOOLS)
-    done(*pip, "hatchling")
-    done(python, "-m", "hatchling", "build", "-t", "sdist", "-d", work)
-    done(*pip, "--no-deps", "--no-build-isolation", next(work.glob("*.tar.gz")))
+    run_command(*pip, "--only-binary", ":all:", *requirements, *TOOLS)
+    run_command(*pip, "hatchling")
+    run_command(python, "-m", "hatchling", "build", "-t", "sdist", "-d", work)
+    run_command(*pip, "--no-deps", "--no-build-isolation", next(work.glob("*.tar.gz")))
     test = (
         python,
         "-P",
@@ -253,25 +283,27 @@ def versions(work: Path, version: str, end: str) -> str:
         "--dist",
         "loadfile",
     )
-    return done(
-        *test,
-        *(f"tests/test_{name}.py" for name in QUICK.split()),
-        NUMBA_CACHE_DIR=str(work),
-    )
+    files = [f"tests/test_{name}.py" for name in QUICK.split()]
+    return run_command(*test, *files, NUMBA_CACHE_DIR=str(work))
 
 
-def run(work: Path, name: str, *given: str) -> str:
-    """One part. Raises FailedError."""
+def run_part(work: Path, name: str, *version_and_end: str) -> str:
+    """Run a part in a folder; the last lines of its commands.
+
+    Raises:
+        FailedError: the part fails.
+    """
     if name in COMMANDS:
         lines = [line.replace("WORK", str(work)) for line in COMMANDS[name]]
-        return ", ".join(done(sys.executable, *line.split()) for line in lines)
-    if given:
-        return versions(work, *given)
-    return {"pages": pages, "readonly": readonly, "types": types}[name](work)
+        return ", ".join(run_command(sys.executable, *line.split()) for line in lines)
+    if name == "versions":
+        return check_versions(work, *version_and_end)
+    checks = {"pages": check_pages, "readonly": check_readonly, "types": check_types}
+    return checks[name](work)
 
 
 def main() -> int:
-    """Run the parts, print their lines; 1 where one failed."""
+    """Run the parts and print a line for each; 1 where a part failed."""
     names = ("pages", *COMMANDS, "readonly", "types", "versions")
     parser = argparse.ArgumentParser(
         description=__doc__,
@@ -285,28 +317,27 @@ def main() -> int:
         help="for versions (default: 3.11 3.12 3.13)",
     )
     parser.add_argument("--end", nargs="+", default=ENDS, choices=ENDS)
-    asked = parser.parse_args()
-    parts = names if "all" in asked.parts else asked.parts
-    todo: list[tuple[str, ...]] = [(name,) for name in parts if name != "versions"]
-    if "versions" in parts:
-        todo += [("versions", *pair) for pair in itertools.product(asked.python, asked.end)]
+    arguments = parser.parse_args()
+    chosen = names if "all" in arguments.parts else arguments.parts
+    parts: list[tuple[str, ...]] = [(name,) for name in chosen if name != "versions"]
+    if "versions" in chosen:
+        pairs = itertools.product(arguments.python, arguments.end)
+        parts += [("versions", *pair) for pair in pairs]
     failed = 0
-    for part in todo:
+    for part in parts:
         begun = time.monotonic()
-        good = True
+        verdict = "ok"
         with tempfile.TemporaryDirectory(prefix="fitball-", ignore_cleanup_errors=True) as folder:
             try:
-                said = run(Path(folder), *part)
+                words = run_part(Path(folder), *part)
             except FailedError as error:
-                said = str(error)
-                good = False
-                failed = failed + 1
-        line = (
-            f"{' '.join(part)}: {'ok' if good else 'FAILED'} in {time.monotonic() - begun:.0f} "
-            f"s: {said}"
-        )
+                words = str(error)
+                verdict = "FAILED"
+                failed += 1
+        seconds = time.monotonic() - begun
+        line = f"{' '.join(part)}: {verdict} in {seconds:.0f} s: {words}"
         print(line.replace("\n", "\n    "), flush=True)
-    print(f"{len(todo) - failed} passed, {failed} failed")
+    print(f"{len(parts) - failed} passed, {failed} failed")
     return int(failed > 0)
 
 

@@ -1,10 +1,10 @@
-"""Measure the numbers of README.md and the paper anew between their marks: `python
-scripts/readme.py`.
+"""Measure the numbers of README.md and of the paper anew: `python scripts/readme.py`.
 
-Needs fitball installed (the environment of scripts/test) and a quiet machine; takes some two
-minutes.
+They stand between marks, `<!-- measured: NAME -->` and `<!-- end -->`. The script needs fitball
+installed (the environment of scripts/test) and a quiet machine, and takes some two minutes.
 """
 
+import argparse
 import re
 import resource
 import shutil
@@ -16,11 +16,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "docs/paper/paper.md")
 FIGURE = ROOT / "docs/curves.png"
+# A block of measured numbers, with its name.
 MARKED = re.compile(r"(<!-- measured: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def printed(work: str, *words: str) -> str:
-    """What a verb prints."""
+    """What a verb prints, run in the folder `work`."""
     command = [str(Path(sys.executable).with_name("fitball")), *words]
     return subprocess.run(
         command,
@@ -32,12 +33,12 @@ def printed(work: str, *words: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """The answer below a report's title, a line each sentence."""
+    """The first paragraph below the title of a report, a line for each sentence."""
     return re.sub(r"(?<=\.) (?=[A-Z])", "\n", " ".join(text.split("\n\n")[1].split()))
 
 
-def measured(work: str) -> dict[str, str]:
-    """Every block by its name."""
+def measured_blocks(work: str) -> dict[str, str]:
+    """The text of each block by its name; verbs are run in the folder `work`."""
     wang = printed(work, "calibrate", "wang_all.csv")
     shutil.copy(Path(work, "fits/wang_all/default/curves.png"), FIGURE)
     before = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
@@ -52,12 +53,20 @@ def measured(work: str) -> dict[str, str]:
     }
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Measure, and write the blocks of both pages and the figure anew."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = measured(folder)
+        blocks = measured_blocks(folder)
     for page in PAGES:
-        old = page.read_text(encoding="utf-8")
-        page.write_text(
-            MARKED.sub(lambda one: f"{one[1]}{found[one[2]]}\n{one[3]}", old),
-            encoding="utf-8",
-        )
+        text = page.read_text(encoding="utf-8")
+        text = MARKED.sub(lambda match: f"{match[1]}{blocks[match[2]]}\n{match[3]}", text)
+        page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,12 +1,14 @@
-"""Do films give impacts with errors that are right, and fits of them parameters? `films.py --films
-10 --fits 40`.
+"""Are errors of impacts on film right, and intervals of fits to them? `films.py --films 10 --fits
+40`.
 
-Films with a known truth (`tests/support/films.py`) of twelve cameras, a rolling one, and lasting
-errors: how often 68 and 95 % intervals of the nine quantities hold, beside controls that must fail.
-Then whole roads at 240 and 1000 frames/s: a truth drawn from `PRIORS`, 21 impacts of the two-mass
-ball, filmed by a camera whose scale, clock, tilt and court are off within their errors, tracked,
-fitted with the same priors: how often 95 % intervals hold. The posterior is that of `calibrate`,
-sampled by importance.
+`--films`: simulated films (`tests/support/films.py`) of twelve cameras, of a rolling shutter, and
+with lasting errors. The study counts how often 68 and 95 % intervals of the nine quantities hold,
+with controls that must fail.
+
+`--fits`: a truth is drawn from `PRIORS`, and 21 impacts of the two-mass ball are filmed at 240 and
+1000 frames/s. Scale, clock, tilt and court of the camera are off within their errors. The films are
+tracked and fitted with the same priors. The study counts how often 95 % intervals hold, of the
+posterior of `calibrate`, sampled by importance.
 """
 
 import argparse
@@ -16,7 +18,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -40,9 +42,11 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 films: Any = import_module("support.films")
 Film = films.Camera
 
-# Name, camera, what the scene says beside rate and court.
+# A camera that reads rows one after the other.
 SHUTTER = Film(240, row_time=3.7e-6)
+# A camera with errors that last over frames.
 LASTING = Film(1000, lasting=1e-3)
+# Name, camera, and what the scene states of it besides rate and court.
 CAMERAS: tuple[tuple[str, Any, Mapping[str, float]], ...] = (
     ("240/s", Film(240), {}),
     ("240/s, 2 mm", Film(240, 2e-3), {}),
@@ -65,6 +69,7 @@ CAMERAS: tuple[tuple[str, Any, Mapping[str, float]], ...] = (
     ("1000/s, 1 mm over 50 ms", replace(LASTING, lasting_time=0.05), {"lasting": 1e-3}),
     ("240/s, lasting 1 mm", Film(240, lasting=1e-3), {"lasting": 1e-3}),
 )
+# Priors of the truth and of the fits.
 PRIORS: Mapping[str, str] = {
     "mass_ratio": "uniform(0.75, 0.97)",
     "k_y": "lognormal(2.0e4, 0.4)",
@@ -84,123 +89,185 @@ PRIORS: Mapping[str, str] = {
 # Sds of scale, clock, tilt [rad] and height of the court [m], as `track` takes them where none are
 # stated.
 ERRORS = {"scale": 0.01, "clock": 1e-3, "tilt": 0.005236, "court_height": 3e-3}
+# Parameters whose intervals are counted.
 JUDGED = ("mu", "eps_10", "cor_10", "cor_slope", "k_theta", "k_y")
-BALL = fitball.model("two-mass")
+MODEL = fitball.model("two-mass")
+# Parameter of the scatter of a column, by name of the column.
 NOISES = {name: column.noise for name, column in COLUMNS.items() if column.noise is not None}
-SPECS = {spec.name: spec for spec in (*BALL.parameters, *NOISES.values())}
-ROWS = 21
-ENOUGH = 500.0
+SPECS = {spec.name: spec for spec in (*MODEL.parameters, *NOISES.values())}
+# Impacts of a film of `--films`.
+FILM_ROWS = 8
+# Impacts of a film that is fitted, as many as Wang measured.
+FIT_ROWS = 21
+# Effective draws of a posterior.
+EFFECTIVE_DRAWS = 500.0
+# Levels of intervals in sds: 68 and 95 %.
+LEVELS = (0.9945, 1.96)
+# Sd over films of the drag coefficient.
+DRAG_SD = 0.05
+# Spins are wrong that are off by more than this [rad/s] and this many sds.
+WRONG_SPIN = 40.0
+WRONG_SDS = 6.0
+# Indices of the spins among the nine quantities.
+SPINS = [2, 5]
 
 
-def covered(
+def scores_of_films(
     camera: Any,
-    said: Mapping[str, float],
+    stated: Mapping[str, float],
     seed: int,
     count: int,
 ) -> tuple[FloatArray, int, int]:
-    """By how many sds the nine of films of 8 impacts are off, how many spins are sure, and of these
-    wrong.
+    """Errors of the nine quantities over their stated sds, (impacts, 9), of films by a camera; the
+    number of impacts whose spins are sure, and of these the number whose spins are wrong.
     """
     rng = np.random.default_rng(seed)
-    off = list[FloatArray]()
+    scores = list[FloatArray]()
     wrong = 0
     for _ in range(count):
-        truth = films.bounces(8, rng)
-        table = films.filmed(
-            truth,
-            replace(camera, drag=films.DRAG + 0.05 * rng.standard_normal()),
-            rng,
-        )
-        scene = Scene(camera=changed(CameraSection(fps=camera.fps, court=0.0), **said))
-        z, errors = films.scores(
-            fitball.track(table, scene=scene, as_read=True, progress=False),
-            truth,
-        )
-        far = (np.abs(errors[:, [2, 5]]) > 40.0) & (np.abs(z[:, [2, 5]]) > 6.0)
-        off = [*off, z]
-        wrong = wrong + int(far.any(axis=1).sum())
-    every = np.concatenate(off)
-    return every, int(np.isfinite(every[:, 2]).sum()), wrong
+        truth = films.bounces(FILM_ROWS, rng)
+        drag = films.DRAG + DRAG_SD * rng.standard_normal()
+        table = films.filmed(truth, replace(camera, drag=drag), rng)
+        scene = Scene(camera=changed(CameraSection(fps=camera.fps, court=0.0), **stated))
+        film = fitball.track(table, scene=scene, as_read=True, progress=False)
+        z, errors = films.scores(film, truth)
+        far = np.abs(errors[:, SPINS]) > WRONG_SPIN
+        far &= np.abs(z[:, SPINS]) > WRONG_SDS
+        scores.append(z)
+        wrong += int(far.any(axis=1).sum())
+    z = np.concatenate(scores)
+    sure = int(np.isfinite(z[:, SPINS[0]]).sum())
+    return z, sure, wrong
 
 
-def drawn(rng: np.random.Generator) -> tuple[dict[str, float], FloatArray, FloatArray, FloatArray]:
-    """A truth from the priors, impacts (ROWS, 9) that it can have, with scatter, their contact
-    times, and by how much the shell is ahead of its line at release.
+class Truth(NamedTuple):
+    """A simulated ball: values of all parameters, SI; the nine quantities of its impacts,
+    (FIT_ROWS, 9); for each impact the contact time [s] and the angle [rad] by which the shell is
+    ahead of its line at release.
     """
-    impacts: list[FloatArray] = []
-    while len(impacts) < ROWS:
-        own = {
-            n: float(parse_prior(SPECS[n], text).quantile(rng.uniform(size=1))[0])
-            for n, text in PRIORS.items()
-        }
-        values = {spec.name: own[spec.name] for spec in BALL.parameters}
-        impacts = []
-        for one in films.bounces(3 * ROWS, rng):
-            # What this ball cannot have is left out.
-            with suppress(ParameterError):
-                found = BALL.rebound(values, fitball.impacts(*one[:3]))
-                if found.status[0] == Status.OK and found.v_x2[0] > 1.0 and len(impacts) < ROWS:
-                    impacts.append(one[:3])
-    states = fitball.impacts(*np.transpose(impacts))
-    found = BALL.rebound(values, states)
+
+    values: dict[str, float]
+    impacts: FloatArray
+    contact_time: FloatArray
+    ahead: FloatArray
+
+
+def incident_states(values: Mapping[str, float], rng: np.random.Generator) -> list[FloatArray]:
+    """Incident velocities and spins (3,) of impacts for which the model has an answer, at most
+    FIT_ROWS.
+    """
+    states: list[FloatArray] = []
+    for bounce in films.bounces(3 * FIT_ROWS, rng):
+        # What this ball cannot have is left out.
+        with suppress(ParameterError):
+            rebound = MODEL.rebound(values, fitball.impacts(*bounce[:3]))
+            possible = rebound.status[0] == Status.OK and rebound.v_x2[0] > 1.0
+            if possible and len(states) < FIT_ROWS:
+                states.append(bounce[:3])
+    return states
+
+
+def draw_truth(rng: np.random.Generator) -> Truth:
+    """A ball with parameters from the priors, and impacts that it can have, with scatter."""
+    incident: list[FloatArray] = []
+    while len(incident) < FIT_ROWS:
+        drawn = {}
+        for name, text in PRIORS.items():
+            quantile = parse_prior(SPECS[name], text).quantile(rng.uniform(size=1))
+            drawn[name] = float(quantile[0])
+        values = {spec.name: drawn[spec.name] for spec in MODEL.parameters}
+        incident = incident_states(values, rng)
+    states = fitball.impacts(*np.transpose(incident))
+    rebound = MODEL.rebound(values, states)
     nodes, weights = np.polynomial.legendre.leggauss(40)
-    ahead = np.empty(ROWS)
-    for k, end in enumerate(found.contact_time.tolist()):
-        course = BALL.history(values, states.take(np.array([k])), 0.5 * end * (nodes + 1.0)).courses
-        line = found.gap_turn[k] - found.omega_2[k] * (found.gap_time[k] - end)
+    ahead = np.empty(FIT_ROWS)
+    for k, end in enumerate(rebound.contact_time.tolist()):
+        times = 0.5 * end * (nodes + 1.0)
+        course = MODEL.history(values, states.take(np.array([k])), times).courses
+        line = rebound.gap_turn[k] - rebound.omega_2[k] * (rebound.gap_time[k] - end)
         ahead[k] = 0.5 * end * float(weights @ course["omega_shell"]) - line
-    after = [
-        getattr(found, n) + own[NOISES[n].name] * rng.standard_normal(ROWS)
-        for n in films.TRACKED_NAMES[3:]
-    ]
-    return own, np.column_stack([impacts, *after]), found.contact_time, ahead
+    measured = []
+    for name in films.TRACKED_NAMES[3:]:
+        scatter = drawn[NOISES[name].name] * rng.standard_normal(FIT_ROWS)
+        measured.append(getattr(rebound, name) + scatter)
+    impacts = np.column_stack([incident, *measured])
+    return Truth(drawn, impacts, rebound.contact_time, ahead)
 
 
 def intervals(problem: Problem) -> FloatArray:
-    """Quantiles 0.025 and 0.975 (judged, 2). Raises FitError where weights are unreliable."""
+    """Quantiles 0.025 and 0.975 of the parameters JUDGED, (parameters, 2).
+
+    Raises:
+        FitError: importance weights are unreliable (`weights`).
+    """
     effort = Effort(cores=1)
     begin = first_order(problem, best_fit(problem, effort.stream("search"))).proposal
-    q, weight, k = importance(
+    q, log_weights, k = importance(
         lambda q: log_posterior(problem, q),
         [begin],
         effort.stream("weights"),
-        ENOUGH,
+        EFFECTIVE_DRAWS,
     )
     if k > RELIABLE_K:
         raise FitError("weights are unreliable", "weights")
-    values = problem.prior.value(q)[:, [problem.free.index(name) for name in JUDGED]]
-    shares = np.exp(weight)
-    ends = [
-        (np.cumsum(shares[order]), one[order]) for one in values.T for order in [np.argsort(one)]
-    ]
-    return np.array([np.interp([0.025, 0.975], *pair) for pair in ends])
+    values = problem.prior.value(q)
+    shares = np.exp(log_weights)
+    ends = []
+    for name in JUDGED:
+        column = values[:, problem.free.index(name)]
+        order = np.argsort(column)
+        ends.append(np.interp([0.025, 0.975], np.cumsum(shares[order]), column[order]))
+    return np.array(ends)
 
 
-def road(fps: float, seed: int) -> list[bool] | str:
-    """Whether the 95 % intervals of a film hold the truth, or why there are none."""
+def holds(fps: float, seed: int) -> list[bool] | str:
+    """For each parameter JUDGED whether the 95 % interval of the fit to a film contains the truth,
+    or the reason why there is no fit.
+    """
     rng = np.random.default_rng([int(fps), seed])
-    own, truth, contact, ahead = drawn(rng)
-    off = {
-        name: sd * rng.standard_normal() + (name in ("scale", "clock"))
-        for name, sd in ERRORS.items()
-    }
-    camera = Film(fps, drag=films.DRAG + 0.05 * rng.standard_normal(), **off)
-    table = films.filmed(truth, camera, rng, contact, ahead)
+    truth = draw_truth(rng)
+    errors = {}
+    for name, sd in ERRORS.items():
+        # Scale and clock are factors about 1.
+        errors[name] = sd * rng.standard_normal() + (name in ("scale", "clock"))
+    camera = Film(fps, drag=films.DRAG + DRAG_SD * rng.standard_normal(), **errors)
+    table = films.filmed(truth.impacts, camera, rng, truth.contact_time, truth.ahead)
+    scene = Scene(camera=CameraSection(fps=fps, court=0.0))
     try:
-        film = fitball.track(
-            table,
-            scene=Scene(camera=CameraSection(fps=fps, court=0.0)),
-            progress=False,
-        )
+        film = fitball.track(table, scene=scene, progress=False)
         problem, _ = problem_from_sources(
-            [film.table], scene=film.scene, as_read=True, prior=PRIORS
+            [film.table],
+            scene=film.scene,
+            as_read=True,
+            prior=PRIORS,
         )
-        return [
-            bool(a <= own[name] <= b)
-            for name, (a, b) in zip(JUDGED, intervals(problem), strict=True)
-        ]
+        ends = intervals(problem)
     except FitballError as error:
         return str(error)[:100]
+    pairs = zip(JUDGED, ends, strict=True)
+    return [bool(low <= truth.values[name] <= high) for name, (low, high) in pairs]
+
+
+def report_films(count: int) -> None:
+    """Print for each camera how often intervals of `count` films hold, in per cent."""
+    for number, (name, camera, stated) in enumerate(CAMERAS):
+        z, sure, wrong = scores_of_films(camera, stated, number + 1, count)
+        inside = np.array([np.sum(np.abs(z) < level, axis=0) for level in LEVELS])
+        shares = (100.0 * inside / np.isfinite(z).sum(axis=0)).round().astype(int)
+        counts = f"{len(z)} impacts, {sure} spins sure, {wrong} wrong;"
+        print(f"{name:27s} {counts}", *shares, flush=True)
+
+
+def report_fits(count: int) -> None:
+    """Print for each rate how many of `count` fits have intervals that hold, and why some
+    failed.
+    """
+    for fps in (240.0, 1000.0):
+        results = [holds(fps, number) for number in range(count)]
+        fitted = [result for result in results if not isinstance(result, str)]
+        reasons = [result for result in results if isinstance(result, str)]
+        hits = np.array(fitted, dtype=np.int64).reshape(-1, len(JUDGED)).sum(axis=0)
+        print(f"{fps:g}/s:", dict(zip(JUDGED, hits.tolist(), strict=True)), *reasons)
 
 
 def main() -> None:
@@ -220,21 +287,11 @@ def main() -> None:
         metavar="N",
         help="films of 21 impacts to be fitted",
     )
-    asked = parser.parse_args()
-    for number, (name, camera, said) in enumerate(CAMERAS if asked.films else ()):
-        z, sure, wrong = covered(camera, said, number + 1, asked.films)
-        inside = np.array([np.sum(np.abs(z) < level, axis=0) for level in (0.9945, 1.96)])
-        shares = (100.0 * inside / np.isfinite(z).sum(axis=0)).round().astype(int)
-        print(
-            f"{name:27s} {len(z)} impacts, {sure} spins sure, {wrong} wrong;",
-            *shares,
-            flush=True,
-        )
-    for fps in (240.0, 1000.0) if asked.fits else ():
-        found = [road(fps, number) for number in range(asked.fits)]
-        held = np.sum([one for one in found if not isinstance(one, str)], axis=0)
-        shown = dict(zip(JUDGED, held.tolist(), strict=True))
-        print(f"{fps:g}/s:", shown, *(one for one in found if isinstance(one, str)))
+    arguments = parser.parse_args()
+    if arguments.films:
+        report_films(arguments.films)
+    if arguments.fits:
+        report_fits(arguments.fits)
 
 
 if __name__ == "__main__":

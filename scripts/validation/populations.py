@@ -1,14 +1,16 @@
-"""Are centre and spread over tables found? `python scripts/validation/populations.py [populations,
-200]`.
+"""Are centre and spread over tables right? `python scripts/validation/populations.py [COUNT]`, of
+200 populations by default.
 
-Tables of known populations are fitted one by one, under priors beside the population. The study
-counts how often 95 % intervals contain them, a new table and the tables: with the interim priors
-divided out, and left in, a control. Exit code 1 if the one is not within binomial limits, or the
-control is for every quantity (data outweigh the prior of mu).
+Tables of simulated populations are fitted one by one, under interim priors that are off the
+population. The study counts how often 95 % intervals contain the centre and the spread of the
+population, a new table and the tables: with the interim priors divided out, and left in, a negative
+control. Exit code 1 if the first are not within binomial limits, or if the control is for every
+quantity (data outweigh the prior of mu).
 """
 
 import sys
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import binom
@@ -29,15 +31,34 @@ from fitball.inference.sampling.importance import importance
 from fitball.inference.search.best_fit import best_fit
 from fitball.uses.hierarchy import Group, drawn_group, hierarchy
 
+# Tables of a population.
 TABLES = 8
+# Impacts of a table.
 ROWS = 8
+# Draws of the fit of a table that a population takes.
 DRAWS = 400
-# In coordinates: centre of a population and its sd, scale of the half-normal prior of its spread.
-POPULATIONS: Mapping[str, tuple[float, float, float]] = {
-    "mu": (float(np.log(0.62)), 0.1, 0.1),
-    "cor_10": (0.76, 0.02, 0.02),
+# Miss of a 95 % interval: the truth is farther than this from the median, as a share of draws.
+MISS = 0.475
+# Probabilities between which the count of misses is, if intervals are right.
+LIMITS = (0.0005, 0.9995)
+
+
+class Population(NamedTuple):
+    """The truth of populations of a quantity, in its coordinate: mean and sd of their centres, and
+    the scale of the half-normal prior of their spread.
+    """
+
+    centre: float
+    sd: float
+    scale: float
+
+
+POPULATIONS: Mapping[str, Population] = {
+    "mu": Population(float(np.log(0.62)), 0.1, 0.1),
+    "cor_10": Population(0.76, 0.02, 0.02),
 }
-# Beside the populations, as of who has read of other courts; the others are drawn from theirs.
+# Interim priors of the fits: of mu and cor_10 off the populations, as of a user who has read of
+# other courts; true values of the other parameters are drawn from theirs.
 PRIORS = {
     "mu": "lognormal(0.45, 0.12)",
     "cor_10": "normal(0.7, 0.03)",
@@ -48,18 +69,20 @@ PRIORS = {
     "v_y_sd": "lognormal(0.3, 0.2)",
     "spin_sd": "lognormal(10, 0.2)",
 }
-LEFT = ("divided out", "left in")
-ASKED = ("centre", "spread", "new table", "tables")
+# What happens to the interim priors; the second is the control.
+WAYS = ("divided out", "left in")
+# Quantities of a population whose intervals are counted.
+COUNTED = ("centre", "spread", "new table", "tables")
 
 
 def spread_prior(scale: float) -> Prior:
-    """Of a population."""
+    """The prior of the spread of a population, half-normal with this scale."""
     return parse_prior(ParameterSpec("spread", "", 0.0, np.inf, f"half-normal({scale})", "", ""))
 
 
 def groups_of(true: Mapping[str, float], rng: np.random.Generator) -> dict[str, Group]:
-    """A table with these values, made and fitted: its groups by quantity. Shallow impacts slide,
-    which shows mu.
+    """Simulate a table with the `true` values and fit it: its groups of draws by quantity. Shallow
+    impacts slide, which shows mu.
     """
     angle = np.radians(rng.uniform(10.0, 24.0, ROWS))
     speed = rng.uniform(14.0, 25.0, ROWS)
@@ -69,81 +92,86 @@ def groups_of(true: Mapping[str, float], rng: np.random.Generator) -> dict[str, 
         rng.uniform(-150.0, 150.0, ROWS),
     )
     columns = {name: getattr(states, name) for name in ("v_x1", "v_y1", "omega_1")}
-    made = fitball.model("grip-slip").rebound(
-        {name: true[name] for name in list(PRIORS)[:5]},
-        states,
-    )
+    model = fitball.model("grip-slip")
+    rebound = model.rebound({spec.name: true[spec.name] for spec in model.parameters}, states)
     for name, noise in (("v_x2", "v_x_sd"), ("v_y2", "v_y_sd"), ("omega_2", "spin_sd")):
-        columns[name] = getattr(made, name) + true[noise] * rng.standard_normal(ROWS)
-    table = ImpactTable("made", columns, {}, {}, {"id": tuple(map(str, range(ROWS)))})
+        columns[name] = getattr(rebound, name) + true[noise] * rng.standard_normal(ROWS)
+    table = ImpactTable("simulated", columns, {}, {}, {"id": tuple(map(str, range(ROWS)))})
     problem = build_problem(table, Scene(), Choices("grip-slip", prior=dict(PRIORS)))
     begin = first_order(problem, best_fit(problem, rng)).proposal
-    x, log_weights, _ = importance(lambda q: log_posterior(problem, q), [begin], rng, DRAWS)
-    chosen = x[rng.choice(len(x), DRAWS, p=np.exp(log_weights - np.logaddexp.reduce(log_weights)))]
-    places = [(name, problem.free.index(name), problem.prior.parameters) for name in POPULATIONS]
-    found = (
-        (name, drawn_group(chosen[:, k], known[k].prior.log_density)) for name, k, known in places
-    )
-    return {name: group for name, group in found if group is not None}
+    q, log_weights, _ = importance(lambda q: log_posterior(problem, q), [begin], rng, DRAWS)
+    weights = np.exp(log_weights - np.logaddexp.reduce(log_weights))
+    chosen = q[rng.choice(len(q), DRAWS, p=weights)]
+    groups = {}
+    for name in POPULATIONS:
+        k = problem.free.index(name)
+        interim = problem.prior.parameters[k].prior
+        group = drawn_group(chosen[:, k], interim.log_density)
+        if group is not None:
+            groups[name] = group
+    return groups
 
 
-def missed(seed: int) -> FloatArray:
-    """Of one population which intervals miss, (quantities, left, asked); of the tables the
-    share.
+def interim_priors() -> dict[str, Prior]:
+    """The priors of PRIORS by parameter; sds are positive."""
+    priors = {}
+    for name, text in PRIORS.items():
+        low = 1e-9 if name.endswith("_sd") else -np.inf
+        priors[name] = parse_prior(ParameterSpec(name, "", low, np.inf, text, "", ""))
+    return priors
+
+
+def misses(seed: int) -> FloatArray:
+    """Misses (quantities, ways, counted) of the intervals of a simulated population, 1 or 0; of its
+    tables the share.
     """
     rng = np.random.default_rng([seed, 7])
     truth = {}
     tables = []
-    low = {name: 1e-9 if name.endswith("_sd") else -np.inf for name in PRIORS}
-    own = {
-        key: parse_prior(ParameterSpec(key, "", low[key], np.inf, text, "", ""))
-        for key, text in PRIORS.items()
-    }
-    for name, (centre, sd, scale) in POPULATIONS.items():
-        truth[name] = (
-            centre + sd * rng.standard_normal(),
-            float(spread_prior(scale).quantile(rng.uniform(size=()))),
-        )
+    priors = interim_priors()
+    for name, population in POPULATIONS.items():
+        centre = population.centre + population.sd * rng.standard_normal()
+        spread = float(spread_prior(population.scale).quantile(rng.uniform(size=())))
+        truth[name] = (centre, spread)
+    # The last one is the new table.
     values = {name: m + tau * rng.standard_normal(TABLES + 1) for name, (m, tau) in truth.items()}
     for k in range(TABLES):
-        true = {name: float(prior.quantile(rng.uniform(size=()))) for name, prior in own.items()}
+        true = {name: float(prior.quantile(rng.uniform(size=()))) for name, prior in priors.items()}
         true |= {"mu": float(np.exp(values["mu"][k])), "cor_10": float(values["cor_10"][k])}
         tables.append(groups_of(true, rng))
-    out = np.empty((len(POPULATIONS), 2, len(ASKED)))
-    for j, (name, (_, _, scale)) in enumerate(POPULATIONS.items()):
-        for k in range(2):
-            groups = [
-                one[name] if k == 0 else one[name]._replace(interim=np.zeros(DRAWS))
-                for one in tables
-            ]
-            found = hierarchy(groups, spread_prior(scale), rng)
-            pairs = zip(
-                (*found[:3], *found.each),
-                (*truth[name], values[name][-1], *values[name]),
-                strict=False,
-            )
-            miss = np.array([abs(np.mean(draws < true) - 0.5) > 0.475 for draws, true in pairs])
-            out[j, k] = *miss[:3], miss[3:].mean()
+    out = np.empty((len(POPULATIONS), len(WAYS), len(COUNTED)))
+    for j, (name, population) in enumerate(POPULATIONS.items()):
+        for k in range(len(WAYS)):
+            groups = [groups_of_table[name] for groups_of_table in tables]
+            if WAYS[k] == "left in":
+                groups = [group._replace(interim=np.zeros(DRAWS)) for group in groups]
+            draws = hierarchy(groups, spread_prior(population.scale), rng)
+            true_values = (*truth[name], values[name][-1], *values[name])
+            pairs = zip((*draws[:3], *draws.each), true_values, strict=False)
+            miss = [abs(np.mean(of_draws < true) - 0.5) > MISS for of_draws, true in pairs]
+            out[j, k] = *miss[:3], np.mean(miss[3:])
     return out
 
 
-if __name__ == "__main__":
+def main() -> int:
+    """Fit the populations and print how often intervals hold; 1 if that is not as it must be."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    made = [
-        one for _, one in as_completed(missed, range(count)) if not isinstance(one, FitballError)
-    ]
-    rates = np.mean(made, axis=0)
-    low, high = (1.0 - binom.ppf(share, count, 0.05) / count for share in (0.9995, 0.0005))
-    print(f"{len(made)} of {count} populations of {TABLES} tables; limits {low:.3f} to {high:.3f}")
+    results = [result for _, result in as_completed(misses, range(count))]
+    fitted = [result for result in results if not isinstance(result, FitballError)]
+    rates = np.mean(fitted, axis=0)
+    low, high = (1.0 - binom.ppf(share, count, 0.05) / count for share in LIMITS[::-1])
+    print(
+        f"{len(fitted)} of {count} populations of {TABLES} tables; limits {low:.3f} to {high:.3f}"
+    )
     for j, name in enumerate(POPULATIONS):
-        for k, how in enumerate(LEFT):
-            print(
-                name,
-                how,
-                *(
-                    f"{asked} {1 - rate:.3f}"
-                    for asked, rate in zip(ASKED, rates[j, k], strict=True)
-                ),
-            )
-    held = (low <= 1.0 - rates) & (rates <= 1.0 - low)
-    sys.exit(int(len(made) < count or not held[:, 0, :3].all() or bool(held[:, 1, 0].all())))
+        for k, way in enumerate(WAYS):
+            pairs = zip(COUNTED, rates[j, k], strict=True)
+            print(name, way, *(f"{quantity} {1 - rate:.3f}" for quantity, rate in pairs))
+    within = (low <= 1.0 - rates) & (rates <= 1.0 - low)
+    is_right = bool(within[:, 0, :3].all())
+    control_holds = bool(within[:, 1, 0].all())
+    return int(len(fitted) < count or not is_right or control_holds)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,5 +1,5 @@
-"""Replicates of a study over processes, kept as they are made: a study that was stopped goes on
-where it was.
+"""Replicates of a study over processes. Each is written when it ends, so that a study that was
+stopped goes on where it was.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ Record = dict[str, Any]
 
 
 class Rate(NamedTuple):
-    """How many of how many, with the 95 % interval of Clopper and Pearson."""
+    """A number of hits in a number of trials."""
 
     hits: int
     total: int
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its ends."""
+        """The 95 % interval of the rate, by Clopper and Pearson."""
         k = self.hits
         n = self.total
         low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
@@ -38,14 +38,14 @@ class Rate(NamedTuple):
         return f"{self.hits} of {self.total} ({low:.3f} to {high:.3f})"
 
 
-def tried(make: Callable[[int], Record], number: int) -> Record:
-    """A replicate, or why there is none."""
+def record_of(make: Callable[[int], Record], number: int) -> Record:
+    """The record of replicate `number`; of one that failed, with the error as `failed`."""
     try:
         return {"number": number, **make(number)}
     except FitballError as error:
         return {"number": number, "failed": str(error)}
     except Exception:
-        # A defect of the program is to be seen in the study, and must not end it.
+        # A defect of the program must be seen in the study, but must not end it.
         return {"number": number, "failed": traceback.format_exc()}
 
 
@@ -55,16 +55,21 @@ def replicates(
     numbers: Sequence[int],
     folder: Path,
 ) -> list[Record]:
-    """`make` of each number, those that are in the folder already as they are there."""
+    """The record of `make` for each number. Those that `NAME.jsonl` in the folder has already are
+    read, others are added to it.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    place = folder / f"{name}.jsonl"
-    lines = place.read_text(encoding="utf-8").splitlines() if place.exists() else []
-    found = {one["number"]: one for one in map(json.loads, lines)}
-    missing = [number for number in numbers if number not in found]
-    with place.open("a", encoding="utf-8") as file:
-        for k, made in as_completed(partial(tried, make), missing):
-            one = made if isinstance(made, dict) else {"number": missing[k], "failed": str(made)}
-            found[missing[k]] = one
-            file.write(json.dumps(one) + "\n")
+    path = folder / f"{name}.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    records = {record["number"]: record for record in map(json.loads, lines)}
+    missing = [number for number in numbers if number not in records]
+    with path.open("a", encoding="utf-8") as file:
+        for k, result in as_completed(partial(record_of, make), missing):
+            number = missing[k]
+            # A process that died has an error for its result.
+            is_record = isinstance(result, dict)
+            record = result if is_record else {"number": number, "failed": str(result)}
+            records[number] = record
+            file.write(json.dumps(record) + "\n")
             file.flush()
-    return [found[number] for number in numbers]
+    return [records[number] for number in numbers]
