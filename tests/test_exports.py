@@ -107,8 +107,8 @@ def test_each_surface_has_its_own_values_and_range(levelled):
 
 def published(parameter, key):
     """The row of a published prior, read here."""
-    place = bundled.datasets_folder() / "literature" / "priors.csv"
-    with place.open(newline="", encoding="utf-8") as file:
+    path = bundled.datasets_folder() / "literature" / "priors.csv"
+    with path.open(newline="", encoding="utf-8") as file:
         rows = {(row["parameter"], row["key"]): row for row in csv.DictReader(file)}
     return rows[parameter, key]
 

@@ -169,8 +169,8 @@ def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
 def likelihood_and_prior(tree, draw):
     """The sum of all parts of the log posterior at a draw (chain, step)."""
     total = tree["log_likelihood"]["impacts"].values[draw].sum()
-    for part in tree["log_prior"].data_vars.values():
-        total += part.values[draw]
+    for density in tree["log_prior"].data_vars.values():
+        total += density.values[draw]
     return total
 
 

@@ -12,7 +12,7 @@ import fitball
 from fitball.base.values import Impacts
 from fitball.models.specs import SPECS
 
-with answers.PLACE.open(encoding="utf-8") as file:
+with answers.HARD_CASES.open(encoding="utf-8") as file:
     CASES = {row["name"]: row for row in csv.DictReader(file)}
 # Of the scale of an output, besides twice what one rounding of each input makes (column
 # `rounding`).

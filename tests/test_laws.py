@@ -54,12 +54,12 @@ class Case:
 
     def solved(self, **changes):
         """Rebounds, and which there are."""
-        found = self.rebound(**changes)
-        ok = found.status == 0
+        rebounds = self.rebound(**changes)
+        ok = rebounds.status == 0
         assert ok.mean() > 0.5
         for name in self.outputs:
-            assert np.array_equal(np.isfinite(getattr(found, name)), ok)
-        return found, ok
+            assert np.array_equal(np.isfinite(getattr(rebounds, name)), ok)
+        return rebounds, ok
 
     @property
     def size(self):
@@ -103,16 +103,16 @@ CASES = [
 
 
 def nothing_changes_along_the_court_without_friction(case):
-    found, ok = case.solved(mu=0.0, **WITHOUT_OFFSET)
-    change_of_v_x = found.v_x2 - case.at.v_x1
-    change_of_spin = found.omega_2 - case.at.omega_1
+    rebounds, ok = case.solved(mu=0.0, **WITHOUT_OFFSET)
+    change_of_v_x = rebounds.v_x2 - case.at.v_x1
+    change_of_spin = rebounds.omega_2 - case.at.omega_1
     assert case.apart(change_of_v_x, change_of_spin, ok) < 2e-14
     if case.timed:
         # It goes on as it came, in place and in turn.
-        path = case.at.v_x1 * found.gap_time
-        turn = case.at.omega_1 * found.gap_time
-        assert_allclose(found.gap_path[ok], path[ok], rtol=1e-11, atol=1e-13)
-        assert_allclose(found.gap_turn[ok], turn[ok], rtol=1e-11, atol=1e-13)
+        path = case.at.v_x1 * rebounds.gap_time
+        turn = case.at.omega_1 * rebounds.gap_time
+        assert_allclose(rebounds.gap_path[ok], path[ok], rtol=1e-11, atol=1e-13)
+        assert_allclose(rebounds.gap_turn[ok], turn[ok], rtol=1e-11, atol=1e-13)
 
 
 def regimes_of(rebound, ok):
@@ -160,15 +160,15 @@ def no_energy_comes_from_nowhere(case):
     """The spin is the mean: all motion left after the twist has died out; an offset is a torque of
     its own.
     """
-    found, ok = case.solved(**WITHOUT_OFFSET)
+    rebounds, ok = case.solved(**WITHOUT_OFFSET)
 
     def energy(v_x, omega):
         return BALL.mass * v_x**2 + INERTIA * omega**2
 
     before = energy(case.at.v_x1, case.at.omega_1)
-    after = energy(found.v_x2, found.omega_2)
+    after = energy(rebounds.v_x2, rebounds.omega_2)
     not_more = after <= before * (1.0 + 1e-12)
-    not_faster = found.v_y2 < case.at.v_y1 * (1.0 + 1e-15)
+    not_faster = rebounds.v_y2 < case.at.v_y1 * (1.0 + 1e-15)
     assert np.all(not_more[ok])
     assert np.all(not_faster[ok])
 
@@ -186,10 +186,10 @@ def angular_momentum_about_the_contact_point_is_kept(case):
         eps = columns["eps_10"] + columns["eps_slope"] * (case.at.v_y1 - 10.0)
     else:
         eps = columns.get("offset", 0.0)
-    found, ok = case.solved(**changes)
-    normal = case.at.v_y1 + found.v_y2
-    lost = case.at.v_x1 - found.v_x2
-    turned = INERTIA / BALL.mass * (found.omega_2 - case.at.omega_1)
+    rebounds, ok = case.solved(**changes)
+    normal = case.at.v_y1 + rebounds.v_y2
+    lost = case.at.v_x1 - rebounds.v_x2
+    turned = INERTIA / BALL.mass * (rebounds.omega_2 - case.at.omega_1)
     balance = lost - (turned + eps * normal) / BALL.radius
     assert case.apart(balance, 0.0, ok) < 3e-13
     limit = columns["mu"] * normal * (1.0 + 1e-12) + 1e-14
@@ -206,8 +206,8 @@ def a_stiff_joint_is_a_rigid_ball(case):
 
     def distance(factor):
         k_theta = factor * case.columns["k_y"]
-        found, ok = case.solved(k_theta=k_theta, **WITHOUT_OFFSET)
-        return case.apart(found.v_x2 - limit.v_x2, found.omega_2 - limit.omega_2, ok)
+        rebounds, ok = case.solved(k_theta=k_theta, **WITHOUT_OFFSET)
+        return case.apart(rebounds.v_x2 - limit.v_x2, rebounds.omega_2 - limit.omega_2, ok)
 
     stiff = distance(1e3)
     assert stiff < 1e-11
@@ -233,14 +233,14 @@ def no_output_jumps_from_regime_to_regime(case):
         "offset": 1e-3,
     }
     row = [near[name] for name in case.columns]
-    found = case.model.evaluate([*case.columns], np.array([row]), at)
-    assert np.unique(found.regime).size >= 2
+    rebounds = case.model.evaluate([*case.columns], np.array([row]), at)
+    assert np.unique(rebounds.regime).size >= 2
     scales = answers.scales((17.0, 0.0, 0.0), 5e-3, 5e-3)
     scale_of = dict(zip(OUTPUTS, scales, strict=True))
     step = angle[1] - angle[0]
     for name in case.outputs:
         # A kink changes the slope, of order one a radian; a jump would show undiminished.
-        bends = np.diff(getattr(found, name)[0], 2) / scale_of[name]
+        bends = np.diff(getattr(rebounds, name)[0], 2) / scale_of[name]
         assert np.max(np.abs(bends)) < 20.0 * step
 
 
@@ -249,9 +249,9 @@ def restitution_follows_the_one_law(case):
     beyond any serve.
     """
     speeds = np.geomspace(1e-3, 1e3, 25)
-    found = case.rebound(Impacts(np.full(25, 3.0), speeds, np.zeros(25)))
-    cor = found.v_y2 / speeds
-    ok = found.status == 0
+    rebounds = case.rebound(Impacts(np.full(25, 3.0), speeds, np.zeros(25)))
+    cor = rebounds.v_y2 / speeds
+    ok = rebounds.status == 0
     assert ok.mean() > 0.5
     caps = np.ones(len(cor))
     if case.options.get("normal") == "momentum":
@@ -266,24 +266,24 @@ def restitution_follows_the_one_law(case):
         assert np.all(measured > 0.0)
         assert np.all(measured <= cap * (1.0 + 1e-15))
         # What has saturated grows by less than rounding.
-        rebounds = measured * speeds[solved]
-        assert np.all(np.diff(rebounds) > -1e-14 * rebounds[1:])
+        speeds_after = measured * speeds[solved]
+        assert np.all(np.diff(speeds_after) > -1e-14 * speeds_after[1:])
 
 
 def a_course_is_that_of_the_oracle(case):
     """Position, velocity, spins and twist at five times of two contacts."""
-    for draw, place in ((3, 2), (8, 5)):
+    for draw, number in ((3, 2), (8, 5)):
         values = {name: float(column[draw]) for name, column in case.columns.items()}
         state = [
-            float(case.at.v_x1[place]),
-            float(case.at.v_y1[place]),
-            float(case.at.omega_1[place]),
+            float(case.at.v_x1[number]),
+            float(case.at.v_y1[number]),
+            float(case.at.omega_1[number]),
         ]
         impact = fitball.impacts(*state)
         end = float(case.model.rebound(values, impact).contact_time[0])
         times = np.linspace(0.05, 1.0, 5) * end
-        found = case.model.history(values, impact, times).courses
-        speed = case.size[place]
+        courses = case.model.history(values, impact, times).courses
+        speed = case.size[number]
         for k, time in enumerate(times):
             exact = taylor.solve(case.options, values, state, until=time)
             y, v_y, v_x, core, shell, twist = exact.state[:6]
@@ -300,10 +300,10 @@ def a_course_is_that_of_the_oracle(case):
                     "omega_shell": (shell, speed / BALL.radius),
                 }
             for name, (exact, scale) in wanted.items():
-                assert abs(found[name][k] - exact) < 1e-12 * scale, (name, k)
+                assert abs(courses[name][k] - exact) < 1e-12 * scale, (name, k)
 
 
-def _is_whole(case):
+def _is_balanced(case):
     """The normal impulse is that of the whole ball, its spin its own, no force before the release
     pulls.
     """
@@ -322,7 +322,7 @@ def _can_be_rigid(case):
     return case.options["normal"] == "total" and case.options["torsion"] == "matched"
 
 
-def _spin_is_whole(case):
+def _spin_is_the_mean(case):
     return case.options.get("spin") != "shell"
 
 
@@ -339,8 +339,8 @@ LAWS = {
     a_mirror_turns_speed_spin_and_offset: always,
     all_speeds_scale_together: always,
     only_the_ratio_of_stiffnesses_reaches_the_rebound: is_timed,
-    no_energy_comes_from_nowhere: _spin_is_whole,
-    angular_momentum_about_the_contact_point_is_kept: _is_whole,
+    no_energy_comes_from_nowhere: _spin_is_the_mean,
+    angular_momentum_about_the_contact_point_is_kept: _is_balanced,
     a_stiff_joint_is_a_rigid_ball: _can_be_rigid,
     no_output_jumps_from_regime_to_regime: always,
     restitution_follows_the_one_law: always,
@@ -382,6 +382,6 @@ def test_a_grip_that_holds_to_the_end_ends_with_the_contact():
         rng.uniform(4.0, 17.0, 60),
         rng.uniform(-200.0, 200.0, 60),
     )
-    found = fitball.model("thesis-exact").rebound(values, states)
-    assert np.all(np.isfinite(found.omega_2))
-    assert np.all(np.isfinite(found.v_x2))
+    rebounds = fitball.model("thesis-exact").rebound(values, states)
+    assert np.all(np.isfinite(rebounds.omega_2))
+    assert np.all(np.isfinite(rebounds.v_x2))

@@ -37,7 +37,7 @@ def arrays(rebound):
     return list(vars(rebound).values())
 
 
-def one_row(values):
+def single_draw(values):
     """Values of a single draw as `evaluate` takes them, (1, names)."""
     return np.array([[*values.values()]])
 
@@ -56,7 +56,7 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
     v_y1 = column("v_y1")
     omega_1 = column("omega_1")
     states = Impacts(v_x1[:, None], v_y1[:, None], omega_1[:, None])
-    found = model.evaluate(names, values, states)
+    rebounds = model.evaluate(names, values, states)
     speed = np.hypot(v_x1, v_y1) + 0.033 * abs(omega_1)
     time = column("contact_time")
     scales = {
@@ -74,11 +74,11 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
         scales |= of_contact
     else:
         for name in of_contact:
-            assert np.isnan(getattr(found, name)).all(), name
+            assert np.isnan(getattr(rebounds, name)).all(), name
     for name, scale in scales.items():
-        error = abs(getattr(found, name)[:, 0] - column(name))
+        error = abs(getattr(rebounds, name)[:, 0] - column(name))
         assert_array_less(error / scale, 1e-12, err_msg=name)
-    for regime, row in zip(found.regime[:, 0], rows, strict=True):
+    for regime, row in zip(rebounds.regime[:, 0], rows, strict=True):
         assert fitball.regime_name(regime).replace(", ", "-") == row["regime"]
 
 
@@ -196,13 +196,13 @@ def test_what_has_no_answer_is_nan_with_a_status(text, changes, status):
     draws = typical(text)
     for name, value in changes.items():
         draws[name] = [draws[name], value]
-    found = model.rebound(draws, STATES)
-    assert found.status[0].tolist() == [0] * 4
-    assert found.status[1].tolist() == [status] * 4
+    rebounds = model.rebound(draws, STATES)
+    assert rebounds.status[0].tolist() == [0] * 4
+    assert rebounds.status[1].tolist() == [status] * 4
     for name in ("v_x2", "v_y2", "omega_2"):
-        assert np.isfinite(getattr(found, name)[0]).all()
-        assert np.isnan(getattr(found, name)[1]).all()
-    assert np.isnan(found.contact_time[1]).all()
+        assert np.isfinite(getattr(rebounds, name)[0]).all()
+        assert np.isnan(getattr(rebounds, name)[1]).all()
+    assert np.isnan(rebounds.contact_time[1]).all()
 
 
 @pytest.mark.parametrize("text", ["two-mass", "grip-slip"])
@@ -211,7 +211,7 @@ def test_no_impact_away_from_the_court(text):
     impacts = Impacts(np.full(2, 9.0), np.array([0.0, -3.0]), np.zeros(2))
     for slope in (0.0, -0.01):
         values = typical(text, cor_slope=slope)
-        away = fitball.model(text).evaluate(list(values), one_row(values), impacts)
+        away = fitball.model(text).evaluate(list(values), single_draw(values), impacts)
         assert away.status.tolist() == [[Status.NO_IMPACT] * 2]
         assert np.isnan(away.v_y2).all()
     assert set(REASONS) == set(Status)
@@ -234,7 +234,7 @@ def test_shapes_of_numbers_draws_and_states_of_draws(text):
         np.stack([STATES.omega_1, STATES.omega_1[::-1]]),
     )
     of_states = model.rebound(values, states)
-    raw = model.evaluate(list(values), one_row(values), STATES)
+    raw = model.evaluate(list(values), single_draw(values), STATES)
     for name, wanted in vars(of_numbers).items():
         assert wanted.shape == (4,)
         assert getattr(of_draws, name).shape == (3, 4)
@@ -256,7 +256,7 @@ def test_one_and_many_threads_give_the_same_bytes(text):
     rng = np.random.default_rng(1)
     values = typical(text)
     scatter = 1.0 + 0.02 * rng.standard_normal((400, len(values)))
-    draws = one_row(values) * scatter
+    draws = single_draw(values) * scatter
     states = fitball.impacts(
         rng.uniform(2, 30, 21),
         rng.uniform(3, 20, 21),
@@ -268,10 +268,10 @@ def test_one_and_many_threads_give_the_same_bytes(text):
         with environment.threads(count):
             return arrays(model.evaluate(list(values), draws, states))
 
-    of_one_thread = with_threads(1)
-    assert np.isfinite(of_one_thread[0]).mean() > 0.9
+    with_single_thread = with_threads(1)
+    assert np.isfinite(with_single_thread[0]).mean() > 0.9
     for count in (2, 3):
-        for array, wanted in zip(with_threads(count), of_one_thread, strict=True):
+        for array, wanted in zip(with_threads(count), with_single_thread, strict=True):
             assert array.tobytes() == wanted.tobytes()
 
 
@@ -282,13 +282,13 @@ def test_the_ball_is_the_models_or_a_parameter():
         model = fitball.model(text)
         constants = (heavy.mass, heavy.radius, heavy.inertia_ratio)
         as_parameters = dict(zip(BALL_PARAMETERS, constants, strict=True))
-        found = model.rebound(values | as_parameters, STATES)
+        rebounds = model.rebound(values | as_parameters, STATES)
         for other in (fitball.model(text, ball=heavy), replace(model, ball=heavy)):
             wanted = other.rebound(values, STATES)
-            for first, second in zip(arrays(found), arrays(wanted), strict=True):
+            for first, second in zip(arrays(rebounds), arrays(wanted), strict=True):
                 assert_array_equal(first, second)
         usual = model.rebound(values, STATES)
-        assert abs(found.v_x2 - usual.v_x2).max() > 1e-3
+        assert abs(rebounds.v_x2 - usual.v_x2).max() > 1e-3
 
 
 def test_a_measured_restitution_replaces_the_law():
@@ -297,25 +297,25 @@ def test_a_measured_restitution_replaces_the_law():
         model = fitball.model(text)
         values = typical(text)
         names = list(values)
-        row = one_row(values)
-        found = model.evaluate(names, row, STATES, measured)
+        row = single_draw(values)
+        rebounds = model.evaluate(names, row, STATES, measured)
         law = model.evaluate(names, row, STATES)
-        assert_allclose(found.v_y2[0, :3], measured[:3] * STATES.v_y1[:3], rtol=1e-15)
-        assert found.v_y2[0, 3] == law.v_y2[0, 3]
+        assert_allclose(rebounds.v_y2[0, :3], measured[:3] * STATES.v_y1[:3], rtol=1e-15)
+        assert rebounds.v_y2[0, 3] == law.v_y2[0, 3]
         same = model.evaluate(names, row, STATES, law.v_y2[0] / STATES.v_y1)
         assert_allclose(same.v_x2, law.v_x2, rtol=1e-12, atol=1e-12)
 
 
 def test_a_drop_moves_vertically_alone():
     model = fitball.model("two-mass+normal=total+release=zero_displacement", tangential=False)
-    found = model.rebound(DROP, STATES)
-    assert_array_equal(found.v_x2, STATES.v_x1)
-    assert_allclose(found.omega_2, STATES.omega_1, rtol=1e-15)
-    assert found.regime.tolist() == [0] * 4
+    rebounds = model.rebound(DROP, STATES)
+    assert_array_equal(rebounds.v_x2, STATES.v_x1)
+    assert_allclose(rebounds.omega_2, STATES.omega_1, rtol=1e-15)
+    assert rebounds.regime.tolist() == [0] * 4
     assert model.history(DROP, IMPACT, np.array([0.0, 1e-3])).phase.tolist() == [0, 0]
     # A damped half period of the whole mass: e = exp(-pi zeta/sqrt(1 - zeta^2)).
-    log_e = np.log(found.v_y2 / STATES.v_y1)
+    log_e = np.log(rebounds.v_y2 / STATES.v_y1)
     zeta = -log_e / np.hypot(math.pi, log_e)
     frequency = np.sqrt(2.0e4 / Ball().mass)
     half_period = math.pi / (frequency * np.sqrt(1.0 - zeta**2))
-    assert_allclose(found.contact_time, half_period, rtol=1e-14)
+    assert_allclose(rebounds.contact_time, half_period, rtol=1e-14)

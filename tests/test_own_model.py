@@ -73,20 +73,22 @@ def test_it_is_a_model_like_grip_slip():
         "ball_mass": 0.058,
         "ball_radius": 0.0335,
     }
-    found = mine.rebound(common, STATES)
+    rebounds = mine.rebound(common, STATES)
     wanted = theirs.rebound({**common, "offset": 0.0, "cor_slope": 0.0}, STATES)
     for name in ("v_x2", "v_y2", "omega_2", "contact_time"):
         assert_allclose(
-            getattr(found, name),
+            getattr(rebounds, name),
             getattr(wanted, name),
             rtol=1e-12,
             atol=1e-12,
         )
-    assert found.regime.max() == 0
-    assert found.status.max() == 0
+    assert rebounds.regime.max() == 0
+    assert rebounds.status.max() == 0
     # Every draw of states of its own.
-    own = Impacts(*(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1)))
-    each = mine.evaluate(names, draws, own)
+    of_draws = Impacts(
+        *(np.stack([c, c[::-1]]) for c in (STATES.v_x1, STATES.v_y1, STATES.omega_1))
+    )
+    each = mine.evaluate(names, draws, of_draws)
     assert_array_equal(
         each.v_x2[1],
         mine.evaluate(names, draws[1:], STATES).v_x2[0, ::-1],
@@ -133,18 +135,18 @@ def test_without_an_answer_it_is_nan_with_a_status():
 
     model = fitball.model_from(f)
     states = Impacts(np.ones(3), np.array([8.0, -8.0, 1e-4]), np.ones(3))
-    found = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), states)
-    assert found.status[0].tolist() == [Status.NO_ANSWER, Status.NO_IMPACT, Status.NO_ANSWER]
-    assert found.status[1].tolist() == [Status.OK, Status.NO_IMPACT, Status.OK]
-    assert np.isnan(found.v_x2).tolist() == [[True] * 3, [False, True, False]]
-    assert found.v_y2[1, 0] == 4.0
+    rebounds = model.evaluate(("e_y",), np.array([[0.8], [0.5]]), states)
+    assert rebounds.status[0].tolist() == [Status.NO_ANSWER, Status.NO_IMPACT, Status.NO_ANSWER]
+    assert rebounds.status[1].tolist() == [Status.OK, Status.NO_IMPACT, Status.OK]
+    assert np.isnan(rebounds.v_x2).tolist() == [[True] * 3, [False, True, False]]
+    assert rebounds.v_y2[1, 0] == 4.0
     with pytest.raises(ParameterError) as caught:
         model.rebound({"e_y": 0.8}, STATES)
     assert caught.value.code == "no-answer"
 
 
 @pytest.mark.parametrize(
-    ("text", "code", "place"),
+    ("text", "code", "words"),
     [
         (faulty("return v_x1, v_y1"), "own-model", "tuple"),
         (faulty("return v_x1, v_y1[:-1], omega_1"), "own-model", "v_y2 of shape"),
@@ -182,11 +184,11 @@ def test_without_an_answer_it_is_nan_with_a_status():
         ("x = 1\ndef f(:\n", "own-model", "line 2 of mine.py"),
     ],
 )
-def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, place):
+def test_a_fault_has_a_code_and_a_place(tmp_path, text, code, words):
     with pytest.raises(FitballError) as caught:
         fitball.model(written(tmp_path, text))
     assert caught.value.code == code
-    assert place in str(caught.value)
+    assert words in str(caught.value)
 
 
 COMMON = ["k_y", "ball_mass", "mu_spread", "spin_sd", "court_pace", *CAMERA_SPECS]

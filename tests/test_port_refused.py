@@ -66,9 +66,9 @@ def shipped(monkeypatch):
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory):
     """A function in a file, by name."""
-    place = tmp_path_factory.mktemp("own") / "mine.py"
-    place.write_text(FUNCTION, encoding="utf-8")
-    return f"{place}:sliding"
+    file = tmp_path_factory.mktemp("models") / "mine.py"
+    file.write_text(FUNCTION, encoding="utf-8")
+    return f"{file}:sliding"
 
 
 def answer(capsys, folder, *words):

@@ -2,108 +2,153 @@
 free to turn.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 import pytest
 from support import ports
 
+from fitball.base.values import FloatArray
 from fitball.models.kernels.contact import OFFSET, OFFSET_CONTACT, ball_of, contact_of
+from fitball.models.model import KernelCall
+
+RADIUS = 0.03302
+
+
+class Case(NamedTuple):
+    """Balls that hit a surface at the same vertical speed `v_y`, by a kernel's `call`: velocities
+    along the surface and spins (impacts, 2), and the share of the model's offset that acts.
+    """
+
+    call: KernelCall
+    velocities: FloatArray
+    spins: FloatArray
+    v_y: float
+    share: float
 
 
 @numba.njit
 def _parts(row, flags, v_y):
-    """The ball and the vertical motion, whose outside truth is in other tests."""
+    """The ball and the vertical motion, which other tests compare with oracles from outside."""
     _, ball = ball_of(row, flags)
     _, contact = contact_of(ball, flags, 0.0, v_y, 0.0, np.nan)
     return ball, contact.spring, contact.t_force, contact.damping, contact.eps
 
 
-def _stepped(call, v, w, v_y, steps, share):
-    """Velocity along the surface and spin (impacts, 2) after a contact in time steps with implicit
-    friction (Moreau): in each, as much of the friction cone as stops the slip, whatever its
-    direction. Exact to the first order.
-    """
-    ball, spring, end, damping, eps = _parts(np.array(call.row), call.flags, v_y)
-    mass = ball.mass
-    radius = ball.radius
-    core = ball.core
-    shell = ball.shell
-    mu = ball.mu
-    compliance = 1.0 / mass + radius**2 / shell
-    travel = v / _lengths(v)
-    offset_in_contact = call.flags[OFFSET] == OFFSET_CONTACT
-    inner = w
-    outer = w
-    twist = np.zeros_like(w)
-
-    def pushed(v, outer, normal, torque):
-        limit = mu * normal
-        outer = outer + torque / shell
-        turned = -share * eps * normal * travel / shell
-        # An offset that acts in grip does where friction can bear it.
-        slip = v - radius * (outer + turned)
-        grips = _lengths(slip) <= compliance * limit
-        outer = outer + np.where(grips | offset_in_contact, turned, 0.0)
-        slip = v - radius * outer
-        size = np.maximum(_lengths(slip), 1e-300)
-        friction = -slip * np.minimum(1.0 / compliance, limit / size)
-        return v + friction / mass, outer - radius * friction / shell
-
-    if ball.landing > 0.0:
-        for _ in range(steps):
-            v, outer = pushed(v, outer, ball.landing * v_y / steps, 0.0)
-    times = np.linspace(0.0, end, steps + 1)
-    dt = end / steps
-    frequency = np.sqrt(spring.damped_squared)
-    phase = frequency * times
-    swing = np.cos(phase) - spring.decay / frequency * np.sin(phase)
-    vertical = v_y * np.exp(-spring.decay * times) * swing
-    impulses = -ball.riding * np.diff(vertical)
-    for normal in impulses:
-        before = inner - outer
-        halfway = twist + 0.5 * dt * before
-        torque = ball.stiffness * halfway + damping * before
-        inner = inner - dt * torque / core
-        v, outer = pushed(v, outer, normal, dt * torque)
-        twist = twist + 0.5 * dt * (before + inner - outer)
-    spin = (core * inner + shell * outer) / (core + shell)
-    return v, spin
-
-
 def _lengths(vectors):
-    """(impacts, 1) of vectors (impacts, 2)."""
+    """The lengths (impacts, 1) of vectors (impacts, 2)."""
     return np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _integrated(call, v, w, v_y, steps, share):
-    """Without the error of the first order."""
-    coarse_v, coarse_w = _stepped(call, v, w, v_y, steps, share)
-    fine_v, fine_w = _stepped(call, v, w, v_y, 2 * steps, share)
+class _Shell:
+    """The shell on the surface: velocities `v` and spins `w`, (impacts, 2), which impulses of the
+    normal force change, with implicit friction (Moreau): in each time step as much of the friction
+    cone acts as stops the slip, whatever its direction.
+    """
+
+    def __init__(self, case, ball, eps):
+        self.ball = ball
+        self.v = case.velocities
+        self.w = case.spins
+        travel = self.v / _lengths(self.v)
+        self.lever = case.share * eps * travel
+        self.offset_in_contact = case.call.flags[OFFSET] == OFFSET_CONTACT
+        self.compliance = 1.0 / ball.mass + ball.radius**2 / ball.shell
+
+    def push(self, normal, torque):
+        """A time step with this impulse of the normal force and of the joint's torque."""
+        ball = self.ball
+        limit = ball.mu * normal
+        w = self.w + torque / ball.shell
+        turned = -normal * self.lever / ball.shell
+        # An offset that acts in grip acts where friction can hold the contact point.
+        slip = self.v - ball.radius * (w + turned)
+        grips = _lengths(slip) <= self.compliance * limit
+        acts = grips | self.offset_in_contact
+        w = w + np.where(acts, turned, 0.0)
+        slip = self.v - ball.radius * w
+        size = np.maximum(_lengths(slip), 1e-300)
+        most = limit / size
+        friction = -slip * np.minimum(1.0 / self.compliance, most)
+        self.v = self.v + friction / ball.mass
+        self.w = w - ball.radius * friction / ball.shell
+
+
+def _normal_impulses(case, ball, spring, times):
+    """The impulses of the normal force between these times."""
+    frequency = np.sqrt(spring.damped_squared)
+    phase = frequency * times
+    swing = np.cos(phase) - spring.decay / frequency * np.sin(phase)
+    decay = np.exp(-spring.decay * times)
+    vertical = case.v_y * decay * swing
+    return -ball.riding * np.diff(vertical)
+
+
+def _stepped(case, steps):
+    """Velocities along the surface and spins (impacts, 2) after a contact in time steps, exact to
+    the first order.
+    """
+    row = np.array(case.call.row)
+    ball, spring, end, damping, eps = _parts(row, case.call.flags, case.v_y)
+    shell = _Shell(case, ball, eps)
+    if ball.landing > 0.0:
+        impulse = ball.landing * case.v_y / steps
+        for _ in range(steps):
+            shell.push(impulse, 0.0)
+    times = np.linspace(0.0, end, steps + 1)
+    half_step = 0.5 * end / steps
+    inner = case.spins
+    twist = np.zeros_like(inner)
+    for normal in _normal_impulses(case, ball, spring, times):
+        before = inner - shell.w
+        halfway = twist + half_step * before
+        torque = ball.stiffness * halfway + damping * before
+        impulse = 2.0 * half_step * torque
+        inner = inner - impulse / ball.core
+        shell.push(normal, impulse)
+        after = inner - shell.w
+        twist = twist + half_step * (before + after)
+    total = ball.core * inner + ball.shell * shell.w
+    spin = total / (ball.core + ball.shell)
+    return shell.v, spin
+
+
+def _integrated(case, steps):
+    """Velocities along the surface and spins (impacts, 2) after a contact, without the error of the
+    first order.
+    """
+    coarse_v, coarse_w = _stepped(case, steps)
+    fine_v, fine_w = _stepped(case, 2 * steps)
     return 2.0 * fine_v - coarse_v, 2.0 * fine_w - coarse_w
 
 
 def _rebound_3d(port, velocity, spin, normal, parameters):
     """Velocity and spin (3,) after a bounce, by the port."""
-    vectors = [port.Vector(*map(float, vector)) for vector in (velocity, spin, normal)]
-    found = port.rebound_3d(*vectors, parameters)
-    return np.array(found.velocity), np.array(found.spin)
+    arrays = (velocity, spin, normal)
+    vectors = [port.Vector(*map(float, array)) for array in arrays]
+    rebound = port.rebound_3d(*vectors, parameters)
+    return np.array(rebound.velocity), np.array(rebound.spin)
 
 
 def _spatial(port, parameters, v, w, v_y, normal):
-    """The same by the port, on a surface with this normal."""
+    """Velocities along the surface and spins (impacts, 2) after bounces by the port, on a surface
+    with this normal.
+    """
     up = normal / np.linalg.norm(normal)
     first = np.cross(up, [0.0, 0.6, 0.8])
     second = np.cross(up, first)
-    plane = np.stack([first, second]) / np.linalg.norm(first)
+    plane = np.stack([first, second])
+    plane = plane / np.linalg.norm(first)
     velocities = v @ plane - v_y * up
     spins = np.cross(up, w @ plane)
-    found_v = []
-    found_w = []
+    after_v = []
+    after_w = []
     for velocity, spin in zip(velocities, spins, strict=True):
-        velocity, spin = _rebound_3d(port, velocity, spin, normal, parameters)
-        found_v.append(plane @ velocity)
-        found_w.append(plane @ np.cross(spin, up))
-    return np.array(found_v), np.array(found_w)
+        velocity_2, spin_2 = _rebound_3d(port, velocity, spin, normal, parameters)
+        after_v.append(plane @ velocity_2)
+        after_w.append(plane @ np.cross(spin_2, up))
+    return np.array(after_v), np.array(after_w)
 
 
 @pytest.mark.parametrize(
@@ -123,24 +168,35 @@ def test_bounce_in_space(text, share, sidespin, speed, spin):
     port = ports.reference(text)
     rng = np.random.default_rng(1)
     v_y = 12.0
-    radius = 0.03302
     typical = ports.typical(text, eps_slope=2e-4)
-    call = typical.model.kernel_call(typical.values)
     along = np.array([[0.8, -0.6]])
     across = np.array([[0.6, 0.8]])
-    v = v_y * rng.uniform(0.2, 4.0, (40, 1)) * along
-    topspin = rng.uniform(-1.0, 1.5, (40, 1)) * along
-    turned_away = sidespin * rng.uniform(-1.0, 1.0, (40, 1)) * across
-    w = v_y / radius * (topspin + turned_away)
+    speeds = v_y * rng.uniform(0.2, 4.0, (40, 1))
+    topspin = rng.uniform(-1.0, 1.5, (40, 1))
+    turned_away = sidespin * rng.uniform(-1.0, 1.0, (40, 1))
+    case = Case(
+        call=typical.model.kernel_call(typical.values),
+        velocities=speeds * along,
+        spins=v_y / RADIUS * (topspin * along + turned_away * across),
+        v_y=v_y,
+        share=share,
+    )
     parameters = port.BALL._replace(
         eps_10=share * port.BALL.eps_10,
         eps_slope=share * 2e-4,
     )
     normal = np.array([2.0, -1.0, 3.0])
-    wanted_v, wanted_w = _integrated(call, v, w, v_y, 500, share)
-    found_v, found_w = _spatial(port, parameters, v, w, v_y, normal)
-    assert np.abs(found_v - wanted_v).max() < speed
-    assert np.abs(found_w - wanted_w).max() < spin
+    wanted_v, wanted_w = _integrated(case, 500)
+    after_v, after_w = _spatial(
+        port,
+        parameters,
+        case.velocities,
+        case.spins,
+        v_y,
+        normal,
+    )
+    assert np.abs(after_v - wanted_v).max() < speed
+    assert np.abs(after_w - wanted_w).max() < spin
 
 
 @pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip"])
@@ -161,7 +217,7 @@ def test_spin_about_the_normal_stays_and_turned_axes_turn_the_answer(text):
 
 
 @pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip"])
-@pytest.mark.parametrize("omega", [6.0 / 0.03302, 400.0, -200.0])
+@pytest.mark.parametrize("omega", [6.0 / RADIUS, 400.0, -200.0])
 def test_without_sidespin_it_is_the_bounce_in_the_plane(text, omega):
     """A ball that rolls too, whose slip is rounding on a slope."""
     port = ports.reference(text)
@@ -181,20 +237,21 @@ def test_a_grip_of_the_rigid_ball_is_linear_in_slip_and_offset():
     v_y = 12.0
     mass = 0.0576
     a = 0.56
-    radius = 0.03302
-    inertia = a * mass * radius**2
+    inertia = a * mass * RADIUS**2
     ball = port.BALL._replace(mu=3.0)
     travel = np.array([0.6, 0.8])
     v = rng.uniform(2.0, 12.0, (20, 1)) * travel
     w = rng.uniform(-300.0, 300.0, (20, 2))
     normal = np.array([0.0, 0.0, 1.0])
-    found_v, found_w = _spatial(port, ball, v, w, v_y, normal)
+    after_v, after_w = _spatial(port, ball, v, w, v_y, normal)
     # Restitution has its outside truth in other tests.
     v_y2 = port.rebound(0.0, v_y, 0.0, ball).v_y2
-    push = ball.offset * mass * (v_y + v_y2) * travel
-    slip = v - radius * w
-    turned = (1.0 + ball.e_x) * slip + push * radius / inertia
+    normal_impulse = mass * (v_y + v_y2)
+    push = ball.offset * normal_impulse * travel
+    slip = v - RADIUS * w
+    turned = (1.0 + ball.e_x) * slip + push * RADIUS / inertia
     impulse = mass * a / (1.0 + a) * turned
-    wanted_w = w + (radius * impulse - push) / inertia
-    assert found_v == pytest.approx(v - impulse / mass, abs=1e-11)
-    assert found_w == pytest.approx(wanted_w, abs=1e-9)
+    torque = RADIUS * impulse - push
+    wanted_w = w + torque / inertia
+    assert after_v == pytest.approx(v - impulse / mass, abs=1e-11)
+    assert after_w == pytest.approx(wanted_w, abs=1e-9)

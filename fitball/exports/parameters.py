@@ -29,7 +29,7 @@ JSON_KIND = "fitball parameter set"
 # The version of its layout: it grows when programs that read the file must be changed.
 JSON_VERSION = 1
 # Verdicts of values that the data determine, alone or under assumptions.
-DETERMINED_VERDICTS = ("identified", "given")
+DETERMINED_BY_DATA = ("identified", "given")
 # The remark on values that the data determine only under assumptions; UNSURE has the others.
 _GIVEN = {"given": "depends on model assumptions that the data cannot test"}
 # The letter and the note of each verdict in tables.
@@ -103,7 +103,7 @@ def _of_fit(fit: Fitted) -> dict[str, object]:
         "not_determined": [
             estimate.name
             for estimate in fit.reported
-            if estimate.verdict not in (*DETERMINED_VERDICTS, "fixed")
+            if estimate.verdict not in (*DETERMINED_BY_DATA, "fixed")
         ],
         "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
         "derived": {name: _estimate(estimate) for name, estimate in fit.derived.items()},
@@ -120,7 +120,7 @@ def _of_fit(fit: Fitted) -> dict[str, object]:
 
 def _estimate(estimate: Estimate) -> dict[str, object]:
     """The fields of an estimate but its name, which is its key, and whether it is determined."""
-    fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED_VERDICTS}
+    fields = asdict(estimate) | {"determined": estimate.verdict in DETERMINED_BY_DATA}
     return {key: value for key, value in fields.items() if key != "name"}
 
 

@@ -15,7 +15,9 @@ from support.taylor import OUTPUTS
 
 from fitball.data.bundled import datasets_folder
 
-PLACE, SCENES = (datasets_folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes"))
+HARD_CASES, SCENES = (
+    datasets_folder() / "bench" / f"{name}.csv" for name in ("hard_cases", "scenes")
+)
 IMPACT = ("v_x1", "v_y1", "omega_1")
 PARAMETERS = (
     "mass_ratio",
@@ -30,6 +32,7 @@ PARAMETERS = (
     "inertia_split",
 )
 
+# Digits that are enough for the sensitivity, which is printed with two.
 ENOUGH = taylor_series.FIFTY._replace(digits=36)
 
 
@@ -77,14 +80,14 @@ def sensitivity(options, values, impact, answer):
 
 
 def main():
-    """Rewrite the files, of all cases or those named."""
-    for place in (PLACE, SCENES):
-        rewrite(place)
+    """Rewrite both files: all cases, or those named on the command line."""
+    for path in (HARD_CASES, SCENES):
+        rewrite(path)
 
 
-def rewrite(place):
-    """One of them."""
-    with place.open(encoding="utf-8", newline="") as file:
+def rewrite(path):
+    """Rewrite a file of cases, in all of its rows or those named on the command line."""
+    with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in [row for row in rows if row["name"] in sys.argv[1:] or len(sys.argv) == 1]:
         options = options_of(row)
@@ -97,7 +100,7 @@ def rewrite(place):
             row |= {"regime": f"{answer.regime(1e-12):o}"}
             row |= {"rounding": f"{sensitivity(options, values, impact, answer):.1e}"}
         print(row["name"], row["status"], row["regime"], row["rounding"], flush=True)
-    with place.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         table.writeheader()
         table.writerows(rows)

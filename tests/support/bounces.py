@@ -26,17 +26,13 @@ COMPOSITIONS = [DEFAULT, THESIS_EXACT] + [
 
 
 def text_of(options):
-    """As `fitball.model` takes it."""
-    return "+".join(
-        [
-            "two-mass",
-            *(f"{name}={value}" for name, value in options.items() if value != DEFAULT[name]),
-        ]
-    )
+    """The two-mass model with these options, as `fitball.model` takes it."""
+    changes = [f"{name}={value}" for name, value in options.items() if value != DEFAULT[name]]
+    return "+".join(["two-mass", *changes])
 
 
 def random_options(rng):
-    """Any of the products."""
+    """A random option of each choice."""
     return {name: str(rng.choice(values)) for name, values in OPTIONS.items()}
 
 

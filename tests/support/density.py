@@ -107,7 +107,7 @@ def table_of(columns, errors="", gaps=False, labels=(), count=10, seed=0):
 
 
 def scene_of(camera=False, time=False, ball=False):
-    """A scene that states these."""
+    """A scene that states the errors of a camera, the contact time, the ball, or none of them."""
     camera_section = None
     if camera:
         camera_section = CameraSection(
@@ -130,7 +130,7 @@ def scene_of(camera=False, time=False, ball=False):
 
 
 def problem_of(table, scene=None, text="grip-slip", **choices):
-    """A problem of that table."""
+    """The problem of a table with a scene and a model."""
     return build_problem(table, scene or Scene(), Choices(text, **choices))
 
 
@@ -155,7 +155,9 @@ def near(problem, count=3, reach=0.1, seed=1):
 
 
 def log_prior(spec, text, value):
-    """Of a prior in words, with respect to its coordinate, truncated by the bounds of its spec."""
+    """Log density of a prior in words with respect to its coordinate, truncated by the bounds of
+    its spec.
+    """
     family, numbers = re.fullmatch(r"([\w-]+)\((.*)\)", text).groups()
     a, b = map(float, (numbers + ",0").split(",")[:2])
     low = spec.lower
@@ -384,8 +386,9 @@ def log_likelihood_of(problem, values, used_values, k, without):
 
 
 def log_posterior(problem, values, without=()):
-    """At values by name; -inf without an answer. Parts are left `without`, to see that they matter:
-    "priors", "levels", "camera", "errors", "correlations", "contact time".
+    """Log posterior density at values by name; -inf without an answer.
+
+    Parts may be left out to see that they matter; `without` names them: "priors", "levels", "camera", "errors", "correlations", "contact time".
     """
     fixed = {}
     for parameter in problem.parameters:

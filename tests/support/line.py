@@ -14,13 +14,13 @@ SD = 0.2
 
 
 def line(v_x1, v_y1, omega_1, ball, slope="normal(0.5, 0.3)", shift="normal(0, 2)"):
-    """v_x2 is a straight line in v_x1, v_y2 and omega_2 are as they were."""
+    """v_x2 is a straight line in v_x1; v_y2 is 0.7 v_y1, and omega_2 is omega_1."""
     return slope * v_x1 + shift, 0.7 * v_y1, omega_1
 
 
 def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
-    """Of `count` measured v_x2, of a line with slope 0.6 and shift 1, `copies` times; its noise
-    fixed, or free.
+    """A problem of `count` measured v_x2 on a line with slope 0.6 and shift 1, each `copies` times.
+    Its `noise` is fixed, or free where that is None.
     """
     rng = np.random.default_rng(seed)
     v_x1 = rng.uniform(5.0, 20.0, count)
@@ -44,7 +44,7 @@ def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
 
 
 def exact(problem):
-    """Mean (2,) and covariance (2, 2) of slope and shift."""
+    """Mean (2,) and covariance (2, 2) of the posterior of slope and shift."""
     v_x1 = problem.rows.states.v_x1
     y = problem.rows.y[:, 0]
     # Of the priors of `line`: means 0.5 and 0, sds 0.3 and 2.

@@ -118,23 +118,23 @@ def text_of(sets, language):
 
 def module(text):
     """The port in Python, as a module."""
-    made = types.ModuleType("bounce")
-    exec(compile(text, "bounce.py", "exec"), vars(made))
-    return made
+    port_module = types.ModuleType("bounce")
+    exec(compile(text, "bounce.py", "exec"), vars(port_module))
+    return port_module
 
 
-def in_python(made, lines):
-    """Rebounds of lines (lines, numbers) by the port in Python."""
-    found = []
-    count = len(made.Parameters._fields)
+def in_python(port_module, lines):
+    """Rebounds (lines, 16) of lines (lines, numbers) by the port in Python, as of `run`."""
+    rebounds = []
+    count = len(port_module.Parameters._fields)
     for line in lines.tolist():
-        row = made.Parameters(*line[:count])
+        row = port_module.Parameters(*line[:count])
         impact = line[count:]
-        vectors = (made.Vector(*impact[k : k + 3]) for k in (3, 6, 9))
-        flat = made.rebound(*impact[:3], row)
-        spatial = made.rebound_3d(*vectors, row)
-        found.append([*map(float, flat), *spatial.velocity, *spatial.spin])
-    return np.array(found)
+        vectors = [port_module.Vector(*impact[k : k + 3]) for k in (3, 6, 9)]
+        flat = port_module.rebound(*impact[:3], row)
+        spatial = port_module.rebound_3d(*vectors, row)
+        rebounds.append([*map(float, flat), *spatial.velocity, *spatial.spin])
+    return np.array(rebounds)
 
 
 def compiled(folder, language, text, driver=True):
@@ -144,16 +144,23 @@ def compiled(folder, language, text, driver=True):
     tool, command, (name, source) = RUNS[language]
     if shutil.which(tool) is None:
         pytest.skip(f"{tool} is not installed")
-    own = FILES["c" if language == "c++" else language]
-    (folder / own).write_text(text, encoding="utf-8")
+    port_file = FILES["c" if language == "c++" else language]
+    (folder / port_file).write_text(text, encoding="utf-8")
     (folder / name).write_text(source, encoding="utf-8")
     define = "-define:" if language == "csharp" else "-D"
-    given = f"{name} {own}" if language == "csharp" else name
+    if not driver:
+        arguments = f"{define}FITBALL_SELF_TEST {port_file}"
+    elif language == "csharp":
+        arguments = f"{name} {port_file}"
+    else:
+        arguments = name
     if command:
-        given = given if driver else f"{define}FITBALL_SELF_TEST {own}"
-        subprocess.run(command.format(given).split(), cwd=folder, check=True, timeout=120)
-    runs = {"csharp": ["mono", "run.exe"], "javascript": ["node", name if driver else own]}
-    return runs.get(language, ["./run"])
+        subprocess.run(command.format(arguments).split(), cwd=folder, check=True, timeout=120)
+    if language == "csharp":
+        return ["mono", "run.exe"]
+    if language == "javascript":
+        return ["node", name if driver else port_file]
+    return ["./run"]
 
 
 def run(folder, language, sets, lines):
@@ -162,19 +169,18 @@ def run(folder, language, sets, lines):
     if language == "python":
         return in_python(module(text), lines)
     command = compiled(folder, language, text)
-    given = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
+    text_of_lines = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
     done = subprocess.run(
         command,
         cwd=folder,
-        input=given,
+        input=text_of_lines,
         capture_output=True,
         text=True,
         check=True,
         timeout=120,
     )
-    return np.array(
-        [[float(number) for number in line.split()] for line in done.stdout.splitlines()]
-    )
+    rebounds = [list(map(float, line.split())) for line in done.stdout.splitlines()]
+    return np.array(rebounds)
 
 
 @functools.cache

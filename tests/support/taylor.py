@@ -114,17 +114,17 @@ def swing(zeta, by_force, kind):
 
 
 @lru_cache(maxsize=4096)
-def damping(kept, by_force, kind):
+def damping(speed_share, by_force, kind):
     """`zeta` with which a swing keeps this share of its speed, by Ridders' method, and the times of
     `swing`.
     """
 
     def excess(zeta):
-        return swing(zeta, by_force, kind)[2] - kept
+        return swing(zeta, by_force, kind)[2] - speed_share
 
-    low = 0 * kept
-    above = 1 - kept
-    high = 0 * kept + 1 / kind.make(2)
+    low = 0 * speed_share
+    above = 1 - speed_share
+    high = 0 * speed_share + 1 / kind.make(2)
     if above <= 0:
         return low, *swing(low, by_force, kind)[:2]
     while (below := excess(high)) > 0:
@@ -155,9 +155,9 @@ def landed(v_x, omega_2, impulse, mass, radius, shell, mu, eps, in_slide):
     yields = 1 / mass + radius * radius / shell
     slip = v_x - radius * omega_2
 
-    def pushed(v_x, omega_2, friction, lever, part):
-        v_x = v_x + friction * part / mass
-        omega_2 = omega_2 - (radius * friction + lever) * part / shell
+    def pushed(v_x, omega_2, friction, lever, normal_impulse):
+        v_x = v_x + friction * normal_impulse / mass
+        omega_2 = omega_2 - (radius * friction + lever) * normal_impulse / shell
         return v_x, omega_2
 
     # Friction and offset per normal force: in slip, until it is used up.
@@ -247,13 +247,13 @@ def restitution(p, cor, cap, v_y, kind):
     return e
 
 
-def normal_of(options, p, mass, m, kept, kind):
+def normal_of(options, p, mass, m, speed_share, kind):
     """The normal direction of a ball of this mass and mass ratio m, whose core keeps this share of
     its speed.
     """
     riding = mass if options["normal"] == "total" else m * mass
     omega = kind.sqrt(p["k_y"] / riding)
-    zeta, t_force, t_contact = damping(kept, options["release"] == "zero_force", kind)
+    zeta, t_force, t_contact = damping(speed_share, options["release"] == "zero_force", kind)
     return Normal(
         riding,
         p["k_y"],
@@ -269,9 +269,9 @@ def joint_of(options, p, inertia, m, normal, kind):
     """The joint of core and shell in a ball of this moment of inertia and mass ratio m. NoBounce is
     raised where either has no inertia, or where no damping matches the joint to the spring.
     """
-    one = kind.make(1)
-    solid = one * 2 / 5 * 97 * 97 / 10000 * m
-    thin = one * 2 / 3 * (1 - m)
+    unit = kind.make(1)
+    solid = unit * 2 / 5 * 97 * 97 / 10000 * m
+    thin = unit * 2 / 3 * (1 - m)
     split = solid / (solid + thin) if options["inertia"] == "tied" else p["inertia_split"]
     core = split * inertia
     shell = (1 - split) * inertia
@@ -302,12 +302,12 @@ class Motion:
         self.joint = joint
         self.surface = surface
         self.kind = kind
-        one = kind.make(1)
+        unit = kind.make(1)
         zero = kind.make(0)
         mu, eps, in_slide = surface
         self.force = {Y: normal.k, V: normal.c}
         self.torque = {TWIST: joint.k, W1: joint.c, W2: -joint.c}
-        self.slip = {X: one, W2: -body.radius}
+        self.slip = {X: unit, W2: -body.radius}
         self.gyration = joint.shell + body.mass * body.radius * body.radius
         self.full = self.at_rest_by(eps)
         self.bare = self.at_rest_by(zero)
@@ -327,7 +327,7 @@ class Motion:
 
     def rates_of(self, friction, lever):
         """Rows of A in a phase with this friction and this offset."""
-        one = self.kind.make(1)
+        unit = self.kind.make(1)
         mass, radius, inertia = self.body
         core = self.joint.core
         shell = self.joint.shell
@@ -337,13 +337,13 @@ class Motion:
             (-lever / shell, self.force),
         )
         return [
-            {V: one},
+            {V: unit},
             total((-1 / self.normal.riding, self.force)),
             total((1 / mass, friction)),
             total((-1 / core, self.torque)),
             turned,
-            {W1: one, W2: -one},
-            {X: one},
+            {W1: unit, W2: -unit},
+            {X: unit},
             {W1: core / inertia, W2: shell / inertia},
         ]
 
@@ -402,7 +402,7 @@ class Motion:
         NoBounce is raised where there are more than PHASES.
         """
         zero = self.kind.make(0)
-        one = self.kind.make(1)
+        unit = self.kind.make(1)
         now = zero
         began = zero
         phases = []
@@ -412,14 +412,14 @@ class Motion:
         while len(phases) < PHASES:
             limit = stop if phase == FREE else min(stop, t_force)
             h = self.reach(phase)
-            left = limit - now
-            last = h >= left
-            h = left if last else h
+            remaining = limit - now
+            last = h >= remaining
+            h = remaining if last else h
             piece = Piece(self.rates[phase], z, h, self.kind)
             # At the end of force itself slip and cone are touched by all: no event.
             falls = [x for x in map(piece.fall, ends) if x is not None]
-            hits = [x for x in falls if x * h < left - nearly]
-            x = min(hits, default=one)
+            hits = [x for x in falls if x * h < remaining - nearly]
+            x = min(hits, default=unit)
             z = piece.at(x)
             now = now + x * h
             if hits or last:

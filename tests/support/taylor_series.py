@@ -95,23 +95,23 @@ def falling(c, low, high, least):
 
 
 def total(*parts):
-    """A sum of multiples of weights, `(factor, weights)`; weights are mappings from places in the
+    """A sum of multiples of weights, `(factor, weights)`; weights are mappings from indices of the
     state.
     """
-    places = sorted({place for _, weights in parts for place in weights})
+    indices = sorted({index for _, weights in parts for index in weights})
     sums = {}
-    for place in places:
-        sums[place] = sum(factor * weights.get(place, 0) for factor, weights in parts)
+    for index in indices:
+        sums[index] = sum(factor * weights.get(index, 0) for factor, weights in parts)
     return sums
 
 
 def weighted(weights, state):
     """The weighted sum over a state."""
-    return sum([weight * state[place] for place, weight in weights.items()])
+    return sum([weight * state[index] for index, weight in weights.items()])
 
 
 def sizes_of(weights):
-    return {place: abs(weight) for place, weight in weights.items()}
+    return {index: abs(weight) for index, weight in weights.items()}
 
 
 def series(rates, z, h, count):
@@ -135,7 +135,7 @@ class Piece:
         self.sizes = series(sizes, [abs(number) for number in z], h, FIRST)
 
     def leading(self, weights):
-        """A weighted sum of the state as terms, and the place of the first that is not rounding
+        """A weighted sum of the state as terms, and the index of the first that is not rounding
         (None: all are).
         """
         c = [weighted(weights, z) for z in self.terms]

@@ -6,7 +6,7 @@ from textwrap import wrap
 from typing import get_args
 
 from fitball.exports.ports import offered
-from fitball.exports.ports.source import Constant, Type, fields_of, origin_of
+from fitball.exports.ports.source import PortConstant, Type, fields_of, origin_of
 
 # Words of C, C# and JavaScript that are no words of Python, so that a kernel may call a variable
 # so, such as `event`: the port then adds an underscore. Compilers refuse any other.
@@ -124,7 +124,7 @@ class Dialect:
             stores=stores,
         )
 
-    def literal(self, value: Constant) -> str:
+    def literal(self, value: PortConstant) -> str:
         """A number, or a named tuple of numbers, as a constant is written."""
         if not isinstance(value, tuple):
             return repr(value)
@@ -133,7 +133,7 @@ class Dialect:
             return self.initial.format(", ".join(items))
         return self.make(type(value), items)
 
-    def constant_of(self, name: str, value: Constant) -> str:
+    def constant_of(self, name: str, value: PortConstant) -> str:
         """The definition of a constant."""
         form = self.constant_struct if isinstance(value, tuple) else self.constant_number
         if isinstance(value, list):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from fitball.exports.ports import offered
 from fitball.exports.ports.dialects import wrapped
-from fitball.exports.ports.source import Constant, KernelSource, Type, fields_of, is_struct
+from fitball.exports.ports.source import KernelSource, PortConstant, Type, fields_of, is_struct
 
 
 def over(a: float, b: float) -> float:
@@ -64,7 +64,7 @@ def struct_text(kind: Type) -> str:
     return "\n".join([f"class {kind.__name__}(NamedTuple):", *fields])
 
 
-def constant_text(name: str, value: Constant) -> str:
+def constant_text(name: str, value: PortConstant) -> str:
     """The definition of a constant."""
     if isinstance(value, list):
         return f"{name} = [\n{wrapped(map(repr, value))}]"
