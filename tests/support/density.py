@@ -388,7 +388,8 @@ def log_likelihood_of(problem, values, used_values, k, without):
 def log_posterior(problem, values, without=()):
     """Log posterior density at values by name; -inf without an answer.
 
-    Parts may be left out to see that they matter; `without` names them: "priors", "levels", "camera", "errors", "correlations", "contact time".
+    Parts may be left out to see that they matter. `without` names them: "priors", "levels",
+    "camera", "errors", "correlations", "contact time".
     """
     fixed = {}
     for parameter in problem.parameters:
