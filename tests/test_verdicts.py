@@ -15,7 +15,7 @@ from fitball.inference import derived
 from fitball.inference.judgement import verdict as module
 from fitball.inference.judgement.first_order import first_order
 from fitball.inference.judgement.profile import profiles
-from fitball.inference.judgement.verdict import Evidence, judge, qualified
+from fitball.inference.judgement.verdict import Evidence, judge, qualify
 from fitball.inference.schema import Adequacy, Judgement
 from fitball.inference.search.objective import Objective, descend
 
@@ -62,10 +62,10 @@ def verdicts_of_line(problem, **start):
         "v_y_sd": 0.05,
         **start,
     }
-    found = verdicts_of(problem, **start)
+    judged = verdicts_of(problem, **start)
     answers = {}
     for name in ("a", "b"):
-        answers[name] = (found[name].verdict, found[name].rule, found[name].given)
+        answers[name] = (judged[name].verdict, judged[name].rule, judged[name].given)
     return answers
 
 
@@ -82,17 +82,17 @@ def verdicts_of_line(problem, **start):
         (line, {"a": "normal(0.7, 1e-5)"}, ("prior-dominated", "unchanged", ()), None),
     ],
 )
-def test_lines_whose_verdict_is_known(function, prior, a, b):
+def test_lines_whose_verdicts_follow_by_hand(function, prior, a, b):
     start = {}
     if "0.9" in prior.get("a", ""):
         start = {"a": 0.9, "v_y_sd": 1.0}
-    found = verdicts_of_line(dropped(function, prior=prior), **start)
+    judged = verdicts_of_line(dropped(function, prior=prior), **start)
     if function is idle:
         # Both act alike: neither is known without the prior of the other.
-        assert {answer[:2] for answer in found.values()} == {("prior-dominated", "traded")}
+        assert {answer[:2] for answer in judged.values()} == {("prior-dominated", "traded")}
     else:
-        assert found["a"] == a
-        assert b is None or found["b"] == b
+        assert judged["a"] == a
+        assert b is None or judged["b"] == b
 
 
 def test_contraction_is_that_of_a_linear_model():
@@ -105,7 +105,7 @@ def test_contraction_is_that_of_a_linear_model():
     for factor in (-3.0, 0.0):
         multiple = derived.Quantity(spec, lambda values, factor=factor: factor * values["a"])
         multiples.append(multiple)
-    linear = module._linear(problem, first, multiples)
+    linear = module._linear_of(problem, first, multiples)
     information = np.sum((SPEEDS / 0.05) ** 2)
     contraction = 1.0 - 1.0 / (1.0 + 0.004**2 * information)
     assert_allclose(linear.contraction, [contraction, contraction, 0.0], atol=1e-6)
@@ -114,19 +114,19 @@ def test_contraction_is_that_of_a_linear_model():
 
 def test_few_measurements_leave_no_noise():
     start = {"a": 0.7, "b": 0.0, "v_y_sd": 0.05}
-    found = verdicts_of(dropped(line, speeds=SPEEDS[::3]), **start)
-    assert found["v_y_sd"].verdict == "prior-dominated"
-    assert found["v_y_sd"].rule == "no-freedom"
-    found = verdicts_of(dropped(line), **start)
-    assert found["v_y_sd"].rule == "determined"
+    judged = verdicts_of(dropped(line, speeds=SPEEDS[::3]), **start)
+    assert judged["v_y_sd"].verdict == "prior-dominated"
+    assert judged["v_y_sd"].rule == "no-freedom"
+    judged = verdicts_of(dropped(line), **start)
+    assert judged["v_y_sd"].rule == "determined"
 
 
 def test_what_is_reproduced_exactly_rests_on_the_prior_of_the_noise():
     problem = dropped(line, 0.7 * SPEEDS)
-    found = verdicts_of(problem, a=0.7, b=0.0, v_y_sd=1e-3)
-    assert found["a"].verdict == "given"
-    assert found["a"].given == ("the prior of the noise",)
-    assert found["v_y_sd"].verdict == "prior-dominated"
+    judged = verdicts_of(problem, a=0.7, b=0.0, v_y_sd=1e-3)
+    assert judged["a"].verdict == "given"
+    assert judged["a"].given == ("the prior of the noise",)
+    assert judged["v_y_sd"].verdict == "prior-dominated"
     # Of a long table profiles are left out, and nothing rests on that.
     many = np.tile(SPEEDS, 40)
     noise = 0.05 * np.random.default_rng(2).standard_normal(many.size)
@@ -139,20 +139,20 @@ def two_mass(time=None, **choices):
     return problem_of(table_of(REBOUND, count=21), scene, "two-mass", **choices)
 
 
-def test_stiffnesses_rest_on_the_contact_time_and_without_one_on_priors():
+def test_stiffnesses_rest_on_the_contact_time_and_without_it_on_priors():
     timed = two_mass(time=True)
     untimed = two_mass()
-    known = verdicts_of(timed, **truth_of(timed))
-    unknown = verdicts_of(untimed, **truth_of(untimed))
+    with_time = verdicts_of(timed, **truth_of(timed))
+    without_time = verdicts_of(untimed, **truth_of(untimed))
     for name in ("k_y", "k_theta"):
-        assert known[name].verdict == "given"
-        assert known[name].given == ("contact_time",)
-        assert unknown[name].verdict == "prior-dominated"
-        assert unknown[name].rule == "traded"
+        assert with_time[name].verdict == "given"
+        assert with_time[name].given == ("contact_time",)
+        assert without_time[name].verdict == "prior-dominated"
+        assert without_time[name].rule == "traded"
     for name in ("k_theta/k_y", "mass_ratio", "mu", "cor_10", "spin_sd"):
-        assert known[name].verdict == "identified", name
-        assert unknown[name].verdict == "identified", name
-    assert known["court_pace"].verdict == "extrapolated"
+        assert with_time[name].verdict == "identified", name
+        assert without_time[name].verdict == "identified", name
+    assert with_time["court_pace"].verdict == "extrapolated"
 
 
 def test_errors_without_the_contact_time_are_those_of_a_problem_without():
@@ -162,13 +162,13 @@ def test_errors_without_the_contact_time_are_those_of_a_problem_without():
     timed = first_order(problem, point)
     untimed = first_order(replace(problem, contact_time=None), point)
     ratio = np.linalg.norm(untimed.root, axis=1) / np.linalg.norm(timed.root, axis=1)
-    rests_on_time = module._linear(problem, timed, ()).timed
+    rests_on_time = module._linear_of(problem, timed, ()).timed
     by_name = dict(zip(problem.free, rests_on_time.tolist(), strict=True))
     assert [by_name[name] for name in timed.names] == (ratio > 2.0).tolist()
     assert {name for name, rests in by_name.items() if rests} == {"k_y", "k_theta"}
 
 
-def test_what_moves_with_a_stated_constant_is_given_its_prior():
+def test_what_moves_with_a_stated_constant_rests_on_its_prior():
     """As a refit with the constant's prior two of its sds away says."""
 
     def of_ball(ball):
@@ -181,16 +181,16 @@ def test_what_moves_with_a_stated_constant_is_given_its_prior():
     _, x_moved = fitted(moved, **point.optima[0])
     point_fixed, _ = fitted(fixed, **truth_of(fixed))
     linear = first_order(fixed, point_fixed)
-    found = verdicts_of(problem, **truth_of(problem))
+    judged = verdicts_of(problem, **truth_of(problem))
     for name in ("mu", "e_x", "offset", "cor_10"):
         k = problem.free.index(name)
         j = linear.names.index(name)
         sd = np.linalg.norm(linear.root[j]) * linear.sds[j]
         shift = abs(x_moved[0, k] - x[0, k]) / sd
-        rests_on_prior = found[name].given == ("the prior of inertia_ratio",)
+        rests_on_prior = judged[name].given == ("the prior of inertia_ratio",)
         assert rests_on_prior is bool(shift > 1.0), (name, shift)
-    assert found["offset"].verdict == "given"
-    assert found["cor_10"].verdict == "identified"
+    assert judged["offset"].verdict == "given"
+    assert judged["cor_10"].verdict == "identified"
 
 
 def bounces(v_x, v_y, omega, mu):
@@ -202,13 +202,13 @@ def bounces(v_x, v_y, omega, mu):
         "cor_10": 0.77,
         "cor_slope": -0.012,
     }
-    made_by = fitball.model("grip-slip").rebound(values, fitball.impacts(v_x, v_y, omega))
+    rebounds = fitball.model("grip-slip").rebound(values, fitball.impacts(v_x, v_y, omega))
     rng = np.random.default_rng(3)
     sizes = {"v_x2": 0.03, "v_y2": 0.03, "omega_2": 1.5}
     rebound = {}
     for name, size in sizes.items():
         noise = size * rng.standard_normal(16)
-        rebound[name] = made_by.column(name) + noise
+        rebound[name] = rebounds.column(name) + noise
     table = made(
         {
             "v_x1": v_x,
@@ -231,10 +231,10 @@ def test_an_anchor_that_was_not_measured_is_extrapolated():
     v_x = np.linspace(6.0, 1.0, 16)
     v_y = np.tile(np.linspace(0.8, 2.7, 8), 2)
     problem, truth = bounces(v_x, v_y, SPINS, 0.4)
-    found = verdicts_of(problem, **truth)
-    assert found["cor_10"].verdict == "extrapolated"
+    judged = verdicts_of(problem, **truth)
+    assert judged["cor_10"].verdict == "extrapolated"
     for name in ("cor_slope", "mu", "cor_median"):
-        assert found[name].verdict == "identified", name
+        assert judged[name].verdict == "identified", name
     fixed = problem_of(problem.table, None, "grip-slip", fix={"cor_slope": 0.0})
     start = {name: value for name, value in truth.items() if name != "cor_slope"}
     without_slope = verdicts_of(fixed, **start)
@@ -246,12 +246,12 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
     v_x = np.linspace(2.0, 6.0, 16)
     v_y = np.linspace(15.0, 24.0, 16)
     problem, truth = bounces(v_x, v_y, SPINS, 0.6)
-    found = verdicts_of(problem, **truth)
-    assert found["mu"].verdict == "one-sided"
-    assert found["e_x"].verdict == "identified"
+    judged = verdicts_of(problem, **truth)
+    assert judged["mu"].verdict == "one-sided"
+    assert judged["e_x"].verdict == "identified"
     # At 16 degrees a ball would slide.
-    assert found["court_pace"].verdict == "one-sided"
-    assert found["court_pace"].rule == "bounded-part"
+    assert judged["court_pace"].verdict == "one-sided"
+    assert judged["court_pace"].rule == "bounded-part"
 
 
 RANKED = [
@@ -277,7 +277,7 @@ RANKED = [
 def test_the_first_rule_that_holds_decides(numbers, rule):
     spec = problem_of(table_of(REBOUND)).prior.parameters[0].spec
     seen = Evidence(**{"spec": spec, "contraction": 0.9, **numbers})
-    judgement = module._judged(seen, ())
+    judgement = module._judgement_of(seen, ())
     assert judgement.rule == rule
     assert judgement.reason.endswith(".") is (rule != "extrapolated")
 
@@ -295,10 +295,12 @@ def test_adequacy_and_assumptions_qualify_what_is_determined():
     }
 
     def answers(judgements):
-        return {name: (one.verdict, one.given) for name, one in judgements.items()}
+        return {
+            name: (judgement.verdict, judgement.given) for name, judgement in judgements.items()
+        }
 
     def answers_after(*qualifications):
-        return answers(qualified(within, *qualifications))
+        return answers(qualify(within, *qualifications))
 
     rests = {
         "mu": ("offset=contact",),

@@ -21,7 +21,7 @@ from fitball.inference.judgement.assumptions import alternatives, what_values_re
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.judgement.profile import profiles
-from fitball.inference.judgement.verdict import judge, qualified
+from fitball.inference.judgement.verdict import judge, qualify
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
@@ -96,7 +96,7 @@ def _calibrate(
         names = {parameter.spec.name for parameter in problem.parameters}
         sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
         within = judge(problem, point, first, profiled, derived)
-        judged = qualified(within, tested, what_values_rest_on(tried, sure, fitted))
+        judged = qualify(within, tested, what_values_rest_on(tried, sure, fitted))
         squares = least_squares(problem, point)
         draws = draws_of(problem, point, posterior, effort)
         parameters, following = estimates(problem, draws, judged)

@@ -1,4 +1,4 @@
-"""Sentence and remedies of an adequacy, by `fitball.base.numbers`; its rules are in `adequacy`."""
+"""The sentences and remedies of adequacy; its rules are in `adequacy`."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,7 +9,7 @@ from fitball.base.text import listed
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.schema import Answer, NoiseCheck, ResidualTest
 
-# What to do about what a kind of test finds.
+# What to do where a kind of test finds a pattern.
 REMEDIES = {
     "bias": "check zero, sign and unit of this column (`fitball check`)",
     "trend": "compare other models (`fitball compare`)",
@@ -26,7 +26,7 @@ REMEDIES = {
 }
 # Patterns that a sentence names, the surest: `tests` of the fit has all of them.
 NAMED_PATTERNS = 3
-# Impacts that a sentence names: with more of them it would no longer be read.
+# Impacts that a sentence names, at most.
 NAMED_IMPACTS = 6
 # Sds by which a misfit moves a parameter, for it to be mentioned: no usual interval is as wide.
 MENTIONED_SHIFT = 5.0
@@ -34,7 +34,7 @@ MENTIONED_SHIFT = 5.0
 RATIO_SETTINGS = ("scale", "clock")
 # Digits of such a ratio: thousandths of it matter.
 DIGITS_OF_RATIO = 4
-# Digits of any other number: residuals of some tens of impacts tell no more.
+# Digits of any other number: a noise of some tens of impacts is known to a tenth.
 DIGITS_OF_NUMBER = 2
 # The answers, as sentences begin with them.
 _HEADS: Mapping[Answer, str] = {
@@ -51,15 +51,15 @@ def described(
     moved: Mapping[str, float],
     impacts: int,
 ) -> str:
-    """The answer with what `tests` found, and what the largest pattern moves most. Sure patterns of
-    a model that describes the data are far below the noise.
+    """The sentence of an answer, with the patterns of `tests`, and the quantity that they move most
+    where that is far. If the model describes the data, these patterns are far below the noise.
     """
-    found = [f"residuals of {_noise(check)}" for check in noise if check.found]
-    found += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED_PATTERNS]]
+    objections = [f"residuals of {_noise(check)}" for check in noise if check.found]
+    objections += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED_PATTERNS]]
     if len(tests) > NAMED_PATTERNS:
-        found.append(f"{len(tests) - NAMED_PATTERNS} more")
+        objections.append(f"{len(tests) - NAMED_PATTERNS} more")
     head = _HEADS[answer]
-    text = "; ".join(found)
+    text = "; ".join(objections)
     if answer == "describes":
         fine = f"With {impacts:,} impacts, patterns far below the noise are significant: {text}."
         text = f"{head}. {fine}" if tests else f"{head}: no residual test finds a pattern."
@@ -79,8 +79,9 @@ def too_few(
     alike: bool,
     impacts: int,
 ) -> str:
-    """That the model could not be tested, in the `blind` columns of all with `counts` of
-    measurements.
+    """The sentence that the data are too few to test the model. `blind` has by column the share of
+    the variance that would be noticed, `counts` the measurements of every column; all impacts may
+    be `alike` in their incidence.
     """
     if alike:
         return (
@@ -103,7 +104,7 @@ def too_few(
 
 
 def noises(noise: Sequence[NoiseCheck]) -> str:
-    """The residuals of each column beside what was stated or expected."""
+    """The sentence with the residuals of each column beside the noise stated or expected."""
     if not noise:
         return ""
     texts = "; ".join(_noise(check) for check in noise)
@@ -122,20 +123,20 @@ def _noise(check: NoiseCheck) -> str:
 
 
 def _share(explained: float) -> str:
-    """The share of the residual variance that a pattern explains, in brackets; if any."""
+    """The share of the residual variance that a pattern explains, in brackets; "" for none."""
     if explained <= 0.0:
         return ""
     return f" ({percent(explained)} of the residual variance)"
 
 
 def outliers(column: str, ids: Sequence[str]) -> str:
-    """The impacts of a column that are far off."""
+    """The pattern of impacts that are far off in a column, in words."""
     noun = "impacts" if len(ids) > 1 else "impact"
     return f"{column}: {noun} {listed(ids, most=NAMED_IMPACTS)} far off"
 
 
 def camera(key: str, value: float) -> str:
-    """A setting of the camera that would explain residuals."""
+    """The pattern of a camera setting `value`, in SI, that would explain residuals, in words."""
     unit = CAMERA_SPECS[key].display_unit
     digits = DIGITS_OF_RATIO if key in RATIO_SETTINGS else DIGITS_OF_NUMBER
     return f"{key} of the camera as if {unit.with_unit(unit.number(value, digits))}"

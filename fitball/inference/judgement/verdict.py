@@ -1,6 +1,6 @@
-"""One verdict a quantity, by one table of rules.
+"""The verdict of each quantity, by one table of rules.
 
-The profile decides, the linearisation finds what is traded, adequacy and assumptions qualify; draws
+The profile decides, the linearisation finds what is traded, adequacy and assumptions qualify. Draws
 decide nothing, so no verdict depends on the seed.
 """
 
@@ -21,36 +21,40 @@ from fitball.inference.judgement.first_order import FirstOrder, gradients
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import Adequacy, Interval, Judgement, PointFit, Profile, Verdict
 
-# Contraction below which the data add next to nothing.
-NEGLIGIBLE = 0.2
+# Contraction below which the data add next to nothing. Chosen by hand.
+LEAST_CONTRACTION = 0.2
 # Degrees of freedom at and below which the variance of a noise, scaled inverse chi-square, has no
 # mean.
 LEAST_FREEDOM = 2.0
 # Ratio of standard errors without and with the scene's contact time from which a value rests on
-# that.
-RESTS = 2.0
-# Share of its variance from which a quantity moves with a parameter.
-SHARED = 0.5
-# Sds by which a pattern moves what is conditional.
-MOVED = 1.0
-# Change of a rebound, in sds of its noise for an sd of the prior, below which a parameter does not
-# act.
-ACTS = 1e-3
-# What a value rests on, as `given` has it.
+# that. Chosen by hand.
+RESTING_RATIO = 2.0
+# Share of a derived quantity's variance from which it moves with a parameter: half of it.
+SHARED_VARIANCE = 0.5
+# Sds by which a pattern moves a value that is conditional. Chosen by hand.
+CONDITIONAL_SHIFT = 1.0
+# Change of a rebound, in sds of its noise for an sd of the prior, above which a parameter acts in
+# an impact. Chosen by hand.
+LEAST_EFFECT = 1e-3
+# Assumptions that a value rests on, as `given` has them.
 CONTACT_TIME = "contact_time"
-MODEL = "model"
-NOISE = "the prior of the noise"
+UNTESTED_MODEL = "model"
+NOISE_PRIOR = "the prior of the noise"
 # How values are extrapolated, in words.
-ANCHOR = "It is the value at 10 m/s, where no vertical speed was measured."
-BEYOND = "Nothing was measured there: the value follows from the laws of the model."
+ANCHORED_WORDS = "It is the value at 10 m/s, where no vertical speed was measured."
+BEYOND_WORDS = "Nothing was measured there: the value follows from the laws of the model."
 
 
 class Evidence(NamedTuple):
-    """All that a verdict is based on: `contraction` (1 - variance over prior variance); the 95 %
-    `interval` of the profile (None: `missing`, or the table is long), and whether the point is
-    `within`; what a parameter is `traded` with, unless the contact time separates them; the
-    `freedom` of a noise; in how many impacts it is `acting`, and how it is `extrapolated`, in
-    words; parameters that leave a derived quantity `open`, or `bounded`.
+    """All that a verdict is based on.
+
+    - `contraction`: 1 - variance over prior variance, to first order;
+    - `interval`: the 95 % interval of the profile, None where profiles are `missing` or the table
+      is long; `within`: whether the best value lies in it;
+    - `traded`: parameters it is traded with, unless the contact time separates them;
+    - `freedom`: the degrees of freedom of a noise;
+    - `acting`, `extrapolated`: in how many impacts it acts, and how it is extrapolated, in words;
+    - `open`, `bounded`: parameters that leave a derived quantity undetermined, or one-sided.
     """
 
     spec: ParameterSpec
@@ -67,7 +71,7 @@ class Evidence(NamedTuple):
 
     @property
     def sides(self) -> tuple[bool, bool]:
-        """Which sides the profile leaves open."""
+        """Whether the profile is open below, and above."""
         low, high = (0.0, 0.0) if self.interval is None else self.interval
         return low is None, high is None
 
@@ -80,7 +84,9 @@ class Evidence(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """A rule of `code`: where it `holds`, the verdict is this, for the reason that it `says`."""
+    """A rule: where it `holds` of the evidence it decides the `verdict`, for the reason that it
+    `says`.
+    """
 
     code: str
     verdict: Verdict
@@ -152,7 +158,7 @@ RULES = (
     Rule(
         code="unchanged",
         verdict="prior-dominated",
-        holds=lambda seen: seen.contraction < NEGLIGIBLE,
+        holds=lambda seen: seen.contraction < LEAST_CONTRACTION,
         says=lambda seen: (
             "The data reduce the variance of its prior by "
             f"{percent(max(seen.contraction, 0.0))}.{seen.acting}"
@@ -186,86 +192,87 @@ def judge(
     problem: Problem,
     point: PointFit,
     first: FirstOrder,
-    found: Mapping[str, Profile],
+    profiles: Mapping[str, Profile],
     derived: Sequence[Quantity],
 ) -> dict[str, Judgement]:
-    """Within the model: parameters by their profiles, derived quantities by their gradient in the
-    linearisation; `extrapolated` is what lies at a speed, or on a surface, where nothing was
-    measured.
+    """The judgement of each quantity by name, if the model is right: of parameters by their
+    profiles, of derived quantities by their gradients in the linearisation.
     """
     judged = {
-        item.spec.name: Judgement("fixed", "fixed", f"Held at its value: {item.why}.")
-        for item in problem.parameters
-        if item.fixed is not None
+        parameter.spec.name: Judgement("fixed", "fixed", f"Held at its value: {parameter.why}.")
+        for parameter in problem.parameters
+        if parameter.fixed is not None
     }
     noises = problem.noises
-    missing = not found and len(problem.rows.y) <= PROFILED_ROWS
-    linear = _linear(problem, first, derived)
+    missing = not profiles and len(problem.rows.y) <= PROFILED_ROWS
+    linear = _linear_of(problem, first, derived)
     far = anchored(problem.forward, problem.calibrated)
-    for k, item in enumerate(problem.prior.parameters):
-        name = item.spec.name
-        profile = found.get(name)
+    for k, parameter in enumerate(problem.prior.parameters):
+        name = parameter.spec.name
+        profile = profiles.get(name)
         interval = None if profile is None else profile.interval_95
         value = point.optima[0][name]
-        rests = _rests(problem, linear, k)
-        prior_ends = item.prior.quantile(np.array([0.025, 0.975]))
-        if name not in noises and not _meet(interval, *prior_ends):
+        rests = _assumptions_of(problem, linear, k)
+        prior_ends = parameter.prior.quantile(np.array([0.025, 0.975]))
+        if name not in noises and not _intervals_meet(interval, *prior_ends):
             rests.append(f"the prior of {name}")
         anchor = name in far and LAWS[base_of(name)] in problem.free
         evidence = Evidence(
-            item.spec,
+            parameter.spec,
             linear.contraction[k],
             interval,
             missing,
-            within=name in noises or _meet(interval, value, value),
+            within=name in noises or _intervals_meet(interval, value, value),
             traded=() if CONTACT_TIME in rests else first.traded.get(name, ()),
             freedom=first.freedom.get(name, np.inf),
-            acting=_acting(first, name),
-            extrapolated=ANCHOR if anchor else "",
+            acting=_acting_words(first, name),
+            extrapolated=ANCHORED_WORDS if anchor else "",
         )
-        judged[name] = _judged(evidence, rests)
+        judged[name] = _judgement_of(evidence, rests)
     for k, quantity in enumerate(derived, start=len(problem.free)):
         shares = zip(problem.free, linear.shares[k], strict=True)
-        parts = [name for name, share in shares if share > SHARED]
-        verdicts = {name: judged[name].verdict for name in parts}
-        rests = _rests(problem, linear, k)
-        for name in parts:
+        moving = [name for name, share in shares if share > SHARED_VARIANCE]
+        verdicts = {name: judged[name].verdict for name in moving}
+        rests = _assumptions_of(problem, linear, k)
+        for name in moving:
             rests += judged[name].given
         evidence = Evidence(
             quantity.spec,
             linear.contraction[k],
             missing=missing,
-            extrapolated=BEYOND if quantity.extrapolated else "",
-            open=tuple(name for name in parts if verdicts[name] == "prior-dominated"),
-            bounded=tuple(name for name in parts if verdicts[name] == "one-sided"),
+            extrapolated=BEYOND_WORDS if quantity.extrapolated else "",
+            open=tuple(name for name in moving if verdicts[name] == "prior-dominated"),
+            bounded=tuple(name for name in moving if verdicts[name] == "one-sided"),
         )
-        judged[quantity.spec.name] = _judged(evidence, rests)
+        judged[quantity.spec.name] = _judgement_of(evidence, rests)
     return judged
 
 
-def _judged(evidence: Evidence, rests: Iterable[str]) -> Judgement:
+def _judgement_of(evidence: Evidence, rests: Iterable[str]) -> Judgement:
     """The judgement of the first rule that holds, with what the value rests on."""
     rule = next(rule for rule in RULES if rule.holds(evidence))
     unique = dict.fromkeys(rests)
     if rule.code == "exact":
-        unique[NOISE] = None
+        unique[NOISE_PRIOR] = None
     verdict = rule.verdict
     if verdict == "identified" and unique:
         verdict = "given"
-    given = tuple(unique) if verdict == "given" else ()
-    return Judgement(verdict, rule.code, rule.says(evidence), given, float(evidence.contraction))
+    assumptions = tuple(unique) if verdict == "given" else ()
+    reason = rule.says(evidence)
+    return Judgement(verdict, rule.code, reason, assumptions, float(evidence.contraction))
 
 
-def _meet(interval: Interval | None, low: float, high: float) -> bool:
+def _intervals_meet(interval: Interval | None, low: float, high: float) -> bool:
     """Whether an interval has anything from `low` to `high`; an open end reaches everywhere."""
-    left, right = interval or (None, None)
-    return (left is None or left <= high) and (right is None or low <= right)
+    lower, upper = interval or (None, None)
+    return (lower is None or lower <= high) and (upper is None or low <= upper)
 
 
-class _Linear(NamedTuple):
-    """Of free parameters and derived quantities to first order: `contraction` (quantities,), zero
-    of what nothing moves; squared correlation `shares` with each parameter (quantities, free);
-    whether the standard error rests on the contact time (quantities,).
+class _LinearQuantities(NamedTuple):
+    """Free parameters and then derived quantities to first order: their `contraction`
+    (quantities,), zero where nothing moves them; the squared correlation with each parameter
+    (`shares`, (quantities, coordinates)); whether the standard error rests on the contact time
+    (`timed`, (quantities,)).
     """
 
     contraction: FloatArray
@@ -273,8 +280,10 @@ class _Linear(NamedTuple):
     timed: BoolArray
 
 
-def _linear(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) -> _Linear:
-    """Free parameters and derived quantities to first order, in this order."""
+def _linear_of(
+    problem: Problem, first: FirstOrder, derived: Sequence[Quantity]
+) -> _LinearQuantities:
+    """The free parameters and derived quantities of a problem to first order."""
     prior = problem.prior
     factor = first.proposal.factor
     tiny = np.finfo(float).tiny
@@ -286,47 +295,50 @@ def _linear(problem: Problem, first: FirstOrder, derived: Sequence[Quantity]) ->
     product = np.maximum(np.outer(variance, np.sum(factor**2, axis=1)), tiny)
     shares = np.minimum((moves @ factor @ factor.T) ** 2 / product, 1.0)
     if problem.contact_time is None:
-        return _Linear(contraction, shares, np.zeros(len(moves), np.bool_))
-    places = [problem.free.index(name) for name in first.names]
-    along = (moves[:, places] * first.sds) @ first.root
+        return _LinearQuantities(contraction, shares, np.zeros(len(moves), np.bool_))
+    fitted = [problem.free.index(name) for name in first.names]
+    along = (moves[:, fitted] * first.sds) @ first.root
     time = first.slopes[first.residual.size] @ first.root
     # The covariance without a row (Sherman and Morrison).
     more = (along @ time) ** 2 / (1.0 - time @ time)
-    timed = more > (RESTS**2 - 1.0) * np.sum(along**2, axis=1)
-    return _Linear(contraction, shares, timed)
+    timed = more > (RESTING_RATIO**2 - 1.0) * np.sum(along**2, axis=1)
+    return _LinearQuantities(contraction, shares, timed)
 
 
-def _rests(problem: Problem, linear: _Linear, k: int) -> list[str]:
-    """What the scene measured, and a determined value is given: its error is twice as large without
-    the contact time; it moves by its own error, with the constant held, as what is stated of ball
-    or camera moves by two sds.
+def _assumptions_of(problem: Problem, linear: _LinearQuantities, k: int) -> list[str]:
+    """The measurements of the scene that the value of quantity `k` rests on, in words: the contact
+    time, if its error doubles without that; a stated constant of ball or camera, if two of its
+    stated sds move the value by the error that this has with the constant held.
     """
     rests = [CONTACT_TIME] if linear.timed[k] else []
-    for m, item in enumerate(problem.prior.parameters):
+    for m, parameter in enumerate(problem.prior.parameters):
         share = linear.shares[k, m]
+        # Squares over the variance: the shift as the prior moves by two of its sds, and the error
+        # that remains with the constant held.
         moved = 4.0 * share * (1.0 - linear.contraction[m])
-        if item.measured and m != k and moved > 1.0 - share:
-            rests.append(f"the prior of {item.spec.name}")
+        if parameter.measured and m != k and moved > 1.0 - share:
+            rests.append(f"the prior of {parameter.spec.name}")
     return rests
 
 
-def _acting(first: FirstOrder, name: str) -> str:
-    """In how many impacts a parameter acts, where these are not all that were tested."""
+def _acting_words(first: FirstOrder, name: str) -> str:
+    """The sentence in how many impacts a parameter acts; "" where it acts in all tested ones."""
     if name not in first.names:
         return ""
     slopes = first.slopes[: first.residual.size, first.names.index(name)]
-    acting = np.unique(first.rows[np.abs(slopes) > ACTS]).size
+    acting = np.unique(first.rows[np.abs(slopes) > LEAST_EFFECT]).size
     impacts = np.unique(first.rows).size
     return "" if acting == impacts else f" It acts in {acting} of {impacts} impacts."
 
 
-def qualified(
+def qualify(
     within: Mapping[str, Judgement],
     tested: Adequacy,
     rests: Mapping[str, tuple[str, ...]],
 ) -> dict[str, Judgement]:
-    """Final: `conditional` where the model fails or a found pattern moves a value by its sd;
-    `given` what it rests on, and `model` where that could not be tested.
+    """The final judgements: those `within` the model, `conditional` where the model fails or a
+    pattern in the residuals moves a value by its sd, and `given` all that it rests on, with the
+    `model` where that could not be tested.
     """
     from msgspec.structs import replace
 
@@ -339,15 +351,16 @@ def qualified(
         doubt = ""
         if tested.answer == "does not describe":
             doubt = "But the model does not describe the data: this holds only if it is right."
-        elif moved > MOVED:
+        elif moved > CONDITIONAL_SHIFT:
             doubt = f"But a pattern of the residuals moves it by {fixed(moved, 1)} of its sds."
         if doubt:
             reason = f"{judgement.reason} {doubt}"
             final[name] = replace(judgement, verdict="conditional", reason=reason, given=())
             continue
-        given = [*judgement.given, *rests.get(name, ())]
+        assumptions = [*judgement.given, *rests.get(name, ())]
         if tested.answer == "undecided":
-            given.append(MODEL)
-        verdict = "given" if given else "identified"
-        final[name] = replace(judgement, verdict=verdict, given=tuple(dict.fromkeys(given)))
+            assumptions.append(UNTESTED_MODEL)
+        verdict = "given" if assumptions else "identified"
+        unique = tuple(dict.fromkeys(assumptions))
+        final[name] = replace(judgement, verdict=verdict, given=unique)
     return final
