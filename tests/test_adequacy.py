@@ -17,6 +17,7 @@ from fitball.inference.judgement import adequacy as module
 from fitball.inference.judgement import first_order as thinning
 from fitball.inference.judgement import residuals
 from fitball.inference.judgement.adequacy import adequacy
+from fitball.inference.judgement.adequacy_words import REMEDIES
 from fitball.inference.judgement.first_order import first_order
 from fitball.inference.judgement.noise_tests import farthest
 from fitball.inference.judgement.residuals import OBJECTION_CHANCE, PatternTest
@@ -523,3 +524,7 @@ def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):
     monkeypatch.setattr(module, "KIND_SHARES", dict.fromkeys("abcdefghij", 0.1))
     tests = [PatternTest(kind, "", "", 0.5) for kind in module.KIND_SHARES]
     assert module._chance_factor(tests, "a") == module.PATTERN_FACTOR / 0.1
+
+
+def test_every_kind_of_test_has_a_remedy():
+    assert REMEDIES.keys() == module.KIND_SHARES.keys()
