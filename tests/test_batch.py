@@ -1,4 +1,4 @@
-"""Many tables: names, what fails, what is kept, laboratory tests and populations over them."""
+"""Many tables: names, what fails, what stays, laboratory tests and populations over them."""
 
 import json
 import os
@@ -17,7 +17,7 @@ import fitball
 from fitball.base.errors import FolderError, MachineError, ModelError, ParameterError
 from fitball.batches import many, page, rows
 from fitball.batches.batch import Batch
-from fitball.batches.tables import named, safe
+from fitball.batches.tables import safe_name, tables_by_name
 from fitball.cli import main
 from fitball.report.render import to_text
 from fitball.report.style import MODEL_COLOUR
@@ -49,7 +49,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("option", WRONG)
-def test_what_is_given_is_given_to_every_table(option, courts):
+def test_every_table_gets_the_options(option, courts):
     value, code = WRONG[option]
     batch = fitball.batch(
         [courts / "court 1.csv"],
@@ -136,7 +136,7 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     assert "edited" not in places["court 1"].read_text()
 
 
-def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, monkeypatch):
+def test_fits_of_other_data_stay_unless_they_are_to_be_replaced(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plain = {
         "model": "grip-slip",
@@ -170,7 +170,7 @@ def test_fits_of_other_data_are_kept_unless_they_are_to_be_replaced(tmp_path, mo
     assert caught.value.code == "older-result"
 
 
-def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
+def test_functions_of_a_user_are_needed_when_fits_are_read(tmp_path):
     def ball(v_x1, v_y1, omega_1, ball, cor="normal(0.75, 0.1)"):
         return v_x1, cor * v_y1, omega_1
 
@@ -181,6 +181,30 @@ def test_functions_of_ones_own_are_asked_for_when_fits_are_read(tmp_path):
     with pytest.raises(ModelError) as caught:
         fitball.load_batch(tmp_path)
     assert caught.value.code == "own-model"
+
+
+def test_a_function_of_a_file_is_read_with_the_fits_that_it_made(tmp_path, monkeypatch):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "def ball(v_x1, v_y1, omega_1, ball, cor='normal(0.75, 0.1)'):\n"
+        "    return v_x1, cor * v_y1, omega_1\n"
+    )
+    model = f"{file}:ball"
+    options = {**OPTIONS, "model": model, "figures": "none"}
+    tables = {"a": table_of(8), "b": table_of(9)}
+    batch = fitball.batch(tables, out=tmp_path / "out", cores=2, **options)
+    assert batch.tables["code"].tolist() == ["", ""]
+    assert batch["a"] == fitball.calibrate(tables["a"], **{**OPTIONS, "model": model})
+    assert batch["b"] == fitball.load_batch(tmp_path / "out", model)["b"]
+    assert "cor" in batch["b"].parameters
+    # What was fitted is not fitted again.
+    monkeypatch.setattr(many, "calibrate", lambda *_: 1 / 0)
+    again = fitball.batch(tables, out=tmp_path / "out", cores=1, **options)
+    assert again.tables["code"].tolist() == ["", ""]
+    # A file that cannot be run is a fault of the command, not of each table.
+    file.write_text("def ball(:")
+    with pytest.raises(ModelError):
+        fitball.batch(tables, out=tmp_path / "out", cores=1, **options)
 
 
 def test_what_is_no_option_and_no_batch(tmp_path):
@@ -231,7 +255,7 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).touch()
     out = tmp_path / "out"
-    tables = named(["a", "b/*", "./a/one.csv", "wang_all"], out)
+    tables = tables_by_name(["a", "b/*", "./a/one.csv", "wang_all"], out)
     assert list(tables) == [
         "a-one",
         "b-One_txt",
@@ -247,15 +271,15 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     assert len(different(tables)) == 9
     assert tables["a-one"].endswith("one.csv")
     assert not any("out" in str(table) for table in tables.values())
-    assert list(named([f"{tmp_path}/**/two.*"], out)) == ["two_csv", "two_xlsx"]
+    assert list(tables_by_name([f"{tmp_path}/**/two.*"], out)) == ["two_csv", "two_xlsx"]
     sheets = ["book.xlsx#one", "book.xlsx#two", "book.xlsx"]
-    assert list(named(sheets, tmp_path)) == ["book-one", "book-two", "book"]
-    assert list(named("**/one.csv", out)) == ["a-one", "b-one"]
+    assert list(tables_by_name(sheets, tmp_path)) == ["book-one", "book-two", "book"]
+    assert list(tables_by_name("**/one.csv", out)) == ["a-one", "b-one"]
     frames = [table_of(3), table_of(4)]
-    assert list(named(frames, tmp_path)) == ["table-1", "table-2"]
-    assert len(different(named({"Court": 1, "court": 2}, tmp_path))) == 2
+    assert list(tables_by_name(frames, tmp_path)) == ["table-1", "table-2"]
+    assert len(different(tables_by_name({"Court": 1, "court": 2}, tmp_path))) == 2
     for odd in ("..", "/", "", " . ", "nul", "a" * 300, "\u00e9" * 90, "x\ny", "a/b", "LPT1"):
-        name = safe(odd)
+        name = safe_name(odd)
         assert name
         assert len(name.encode()) <= 101
         assert not set(name) & set('<>:"/\\|?*.\n')
@@ -264,7 +288,7 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def made():
+def batch_of_courts():
     """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
     frames = [table_of(18, ("clay", "hard"))]
     frames += [table_of(14 + k) for k in range(4)]
@@ -278,8 +302,8 @@ def made():
     return many.batch_of(None, results, None)
 
 
-def test_a_row_has_labels_verdicts_and_laboratory_tests(made):
-    tables = made.tables
+def test_a_row_has_labels_verdicts_and_laboratory_tests(batch_of_courts):
+    tables = batch_of_courts.tables
     assert tables.loc["court 1", "mu_verdict"] == "given"
     assert np.isnan(tables.loc["court 0", "mu"])
     cor = made_fit(table_of(14)).parameters["cor_10"]
@@ -334,21 +358,21 @@ def test_a_court_of_the_test_has_its_measured_rating():
     assert row["label:surface"] == "clay"
 
 
-def test_populations_are_of_what_three_tables_determine(made):
-    populations = made.populations
+def test_populations_are_of_what_three_tables_determine(batch_of_courts):
+    populations = batch_of_courts.populations
     assert (populations["tables"] >= 3).all()
     assert "mu" in populations.index
     assert "mu[clay]" not in populations.index
     for name, row in populations.iterrows():
-        population = made.population(name)
-        assert row["tables"] == len(made.of(name))
+        population = batch_of_courts.population(name)
+        assert row["tables"] == len(batch_of_courts.of(name))
         assert row["tables"] == len(population.each)
         assert row["mean"] == pytest.approx(np.median(population.centre), rel=1e-12)
         assert row["mean_q025"] < row["mean"] < row["mean_q975"]
         assert row["new_q025"] < row["mean_q025"]
     # In SI; the fits have the same draws.
     of_mu = populations.loc["mu"]
-    assert of_mu["mean"] == pytest.approx(made.tables.loc["court 1", "mu"], abs=0.01)
+    assert of_mu["mean"] == pytest.approx(batch_of_courts.tables.loc["court 1", "mu"], abs=0.01)
     assert of_mu["relative"]
     assert of_mu["spread"] < 0.05
     for name, code in (
@@ -356,25 +380,25 @@ def test_populations_are_of_what_three_tables_determine(made):
         ("mu[clay]", "too-few-tables"),
     ):
         with pytest.raises(ParameterError) as caught:
-            made.population(name)
+            batch_of_courts.population(name)
         assert caught.value.code == code
 
 
-def test_the_page_has_every_table_and_its_figure_every_interval(made):
-    text = to_text(page.report(made), full=True)
-    tables = made.tables
+def test_the_page_has_every_table_and_its_figure_every_interval(batch_of_courts):
+    text = to_text(page.report(batch_of_courts), full=True)
+    tables = batch_of_courts.tables
     for name in tables.index:
         assert name in text
     assert "6 of 7 tables" in text
-    first_screen = to_text(page.report(made), full=False)
+    first_screen = to_text(page.report(batch_of_courts), full=False)
     assert len(first_screen.splitlines()) <= 40
-    figure = made.plot("tables")
+    figure = batch_of_courts.plot("tables")
     panels = [axis for axis in figure.axes if axis.get_title(loc="left") or axis.get_title()]
-    assert len(panels) == min(len(made.populations), 6)
-    first = made.populations.index[0]
+    assert len(panels) == min(len(batch_of_courts.populations), 6)
+    first = batch_of_courts.populations.index[0]
     lines = panels[0].lines
     dots = np.concatenate([line.get_ydata() for line in lines if line.get_marker() == "o"])
-    factor = made.of(first)[0].display_unit.factor
+    factor = batch_of_courts.of(first)[0].display_unit.factor
     column = next(head for head in tables.columns if head.partition(" [")[0] == first)
     values = tables[column]
     assert sorted(dots) == pytest.approx(sorted(factor * values.dropna()))
@@ -383,13 +407,13 @@ def test_the_page_has_every_table_and_its_figure_every_interval(made):
     for line in lines:
         if to_rgba(line.get_color()) == to_rgba(MODEL_COLOUR):
             strong.extend(line.get_xdata())
-    determined = np.array([first in made.quantities[table] for table in tables.index])
+    determined = np.array([first in batch_of_courts.quantities[table] for table in tables.index])
     assert sorted(strong) == np.flatnonzero(determined & values.notna()).tolist()
     assert not cut_off(figure)
     # Where models differ they are named.
     mixed = tables.copy()
     mixed.loc["drops", "model"] = "brody"
-    of_two_models = Batch(None, mixed, made.populations, made.quantities)
+    of_two_models = Batch(None, mixed, batch_of_courts.populations, batch_of_courts.quantities)
     assert "brody" in to_text(page.report(of_two_models), full=True)
-    without_populations = Batch(None, tables, made.populations.iloc[:0], {})
+    without_populations = Batch(None, tables, batch_of_courts.populations.iloc[:0], {})
     assert not page.figures(without_populations)

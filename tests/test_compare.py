@@ -24,6 +24,7 @@ from fitball.inference.density import pointwise
 from fitball.inference.effort import Effort
 from fitball.inference.problem.problem import Choices
 from fitball.report import compare as page
+from fitball.report.frame_rows import frame_rows
 from fitball.uses import compare, left_out
 from fitball.uses.left_out import WeightedDraws, leave_one_out, maxima_without
 
@@ -520,11 +521,11 @@ def test_whether_the_second_mass_is_worth_it_is_said_of_the_one_that_is_behind(b
         {"model": "two-mass+normal=total", **(ahead if better else behind)},
         {"model": "brody", **(behind if better else ahead)},
     ]
-    words = page._second_mass(rows)
+    words = page._second_mass(frame_rows(pd.DataFrame(rows)))
     assert ("9.0 higher" if better else "9.0 lower") in words
     assert ("not significantly" in words) != sure
     assert "significantly" in words
-    assert not page._second_mass(rows[:1])
+    assert not page._second_mass(frame_rows(pd.DataFrame(rows[:1])))
 
 
 def test_by_the_command_line(tmp_path, capsys, table):

@@ -13,15 +13,37 @@ from fitball.saved import files_of_fit
 
 
 class Batch(Batched, Result):
-    """Many tables, each fitted on its own: a mapping from names of tables to fits. `failed` says
-    why tables could not be fitted; `population(name)` compares a quantity over tables.
+    """Many tables, each fitted on its own: `batch[name]` is the fit of a table. `failed` says why
+    tables could not be fitted; `population(name)` compares a quantity over tables.
+
+    Example:
+        >>> import tempfile
+        >>> import fitball
+        >>> options = {"point_only": True, "cores": 1, "figures": "none", "progress": False}
+        >>> drops = {"v_y1": [7.0, 7.1, 7.0], "v_y2": [5.2, 5.25, 5.19]}
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     batch = fitball.batch({"a": drops}, out=folder, model="grip-slip", **options)
+        ...     cor = batch["a"].parameters["cor_10"]
+        >>> batch.tables["impacts"]["a"], round(cor.point, 2)
+        (3, 0.74)
     """
 
     record: ClassVar[str] = "batch.csv"
 
     @property
     def exit_code(self) -> int:
-        """1 if a table could not be fitted, or a posterior did not converge."""
+        """1 if a table could not be fitted, or a posterior did not converge.
+
+        Example:
+            >>> import tempfile
+            >>> import fitball
+            >>> options = {"point_only": True, "cores": 1, "figures": "none", "progress": False}
+            >>> drop = {"v_y1": [7.0], "v_y2": [5.2]}
+            >>> with tempfile.TemporaryDirectory() as folder:
+            ...     batch = fitball.batch({"too short": drop}, out=folder, **options)
+            >>> batch.exit_code
+            1
+        """
         return int(bool(self.failed) or bool((self.tables["status"] == "not converged").any()))
 
     @property
@@ -31,8 +53,10 @@ class Batch(Batched, Result):
         return PAGE.of(self)
 
     def __getitem__(self, name: str) -> Fit:
-        """The fit of a table, read when asked for. Raises KeyError with the reason of a table that
-        failed.
+        """The fit of a table, read from its folder.
+
+        Raises:
+            KeyError: there is no such table, or it could not be fitted, with the reason.
         """
         if name not in self.tables.index:
             raise KeyError(f"{name}: {suggestion(name, self.tables.index)}")

@@ -26,7 +26,7 @@ from fitball.base.scheduling import as_completed
 from fitball.batches import rows
 from fitball.batches.batch import Batch
 from fitball.batches.rows import HEAD, TableRecord
-from fitball.batches.tables import named
+from fitball.batches.tables import tables_by_name
 from fitball.data.scene import Scene, load_scene
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
@@ -38,8 +38,8 @@ from fitball.models.registry import model as model_of
 from fitball.results.fit import Fit
 from fitball.saved import files_of_fit
 
-# The page of a fit, whose presence says that it was saved whole.
-PAGE = "report.html"
+# The page of a fit, whose presence says that all of it was saved.
+PAGE_FILE = "report.html"
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,17 @@ class Task:
     figures: bool | Literal["all"] | None
 
 
-def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
+def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
     """Fit each table over processes as `calibrate` would, with one thread; a table whose `Run.key`
-    is in the folder is not fitted again; one that fails is a row. Raises ParameterError
-    (`no-tables`, `scheduler`, `noise`), ModelError, InputError (`scene`).
+    is in the folder is not fitted again; one that fails is a row.
+
+    Raises:
+        ParameterError: there are no tables (`no-tables`), no scheduler at the `address`
+            (`scheduler`), or no such noise (`noise`).
+        ModelError: there is no such model, or the user's function fails (`own-model`).
+        InputError: the scene cannot be read (`scene`).
     """
-    sources = named(data, task.folder.path)
+    sources = tables_by_name(data, task.folder.path)
     options = _checked_options(task.options)
     # One thread each; no number depends on it.
     effort = msgspec.structs.replace(task.effort, cores=1)
@@ -69,26 +74,30 @@ def fit_many(data: Any, task: Task, address: str, show: Progress) -> Batch:
     show(stage, 0.0)
     names = list(sources)
     records = dict[str, TableRecord]()
-    for place, result in as_completed(record, list(sources.items()), task.effort.cores, address):
-        name = names[place]
+    for number, result in as_completed(record, list(sources.items()), task.effort.cores, address):
+        name = names[number]
         if isinstance(result, FitballError):
             records[name] = rows.record_of_failure(name, result)
         else:
             records[name] = result
         show(stage, len(records) / len(names))
     show("comparing tables", 0.0)
-    model = task.options.get("model")
+    model = options["model"]
     user_model = model if isinstance(model, Model) else None
     return batch_of(task.folder.path, [records[name] for name in names], user_model)
 
 
 def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options with the scene read. What all tables would fail for is said at once. Raises
-    ParameterError (`noise`), ModelError, InputError (`scene`).
+    """The options with the scene read, and a function of a file as the model that it is: all tables
+    are fitted with it, and their fits are read with it. What all tables would fail for is said at
+    once. Raises ParameterError (`noise`), ModelError, InputError (`scene`).
     """
     checked = dict(options)
-    if isinstance(checked["model"], str) and checked["model"]:
-        model_of(checked["model"])
+    text = checked["model"]
+    if isinstance(text, str) and text:
+        model = model_of(text)
+        if model.source:
+            checked["model"] = model
     if checked["noise"]:
         noise_kind(checked["noise"])
     if checked["scene"] and not isinstance(checked["scene"], Scene):
@@ -106,15 +115,15 @@ def batch_of(folder: Path, records: Sequence[TableRecord], user_model: Model | N
     tables = pd.DataFrame([record.row for record in records], columns=list(heads))
     tables = tables.set_index("table")
     tables["impacts"] = tables["impacts"].astype("Int64")
-    quantities = {record.row["table"]: record.quantities for record in records}
-    by_name = dict[str, list[rows.Quantity]]()
+    quantities = {str(record.row["table"]): record.quantities for record in records}
+    by_name = dict[str, list[rows.TableQuantity]]()
     for record in records:
         for name, quantity in record.quantities.items():
             by_name.setdefault(name, []).append(quantity)
     return Batch(folder, tables, rows.populations(by_name), quantities, (), user_model)
 
 
-def _record(task: Task, named_source: tuple[str, Any]) -> TableRecord:
+def _record(task: Task, named_source: tuple[str, object]) -> TableRecord:
     """The record of a table. Raises FitballError alone: a table does not stop the others."""
     name, source = named_source
     try:
@@ -126,8 +135,8 @@ def _record(task: Task, named_source: tuple[str, Any]) -> TableRecord:
         raise MachineError(text, "fault-of-fitball") from error
 
 
-def _fitted(task: Task, name: str, source: Any) -> Fit:
-    """The fit of a table, from its folder if that has the same one."""
+def _fitted(task: Task, name: str, source: object) -> Fit:
+    """The fit of a table, from its folder if that has the same. Raises FitballError."""
     problem, user_model = problem_from_sources([source], **task.options)
     place = task.folder.path / name
     key = files_of_fit.key_of(place)
@@ -142,7 +151,7 @@ def _fitted(task: Task, name: str, source: Any) -> Fit:
             "(overwrite=True)"
         )
         raise FolderError(f"{text}, or name another folder", "older-result")
-    if fit is not None and (task.figures is None or (place / PAGE).exists()):
+    if fit is not None and (task.figures is None or (place / PAGE_FILE).exists()):
         return fit
     if fit is None:
         fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
@@ -161,8 +170,11 @@ def _no_progress(_stage: str, _share: float) -> None:
 
 
 def load(folder: Path, user_model: Model | None) -> Batch:
-    """The finished tables of a folder, by name. Raises FolderError (`no-batch`), ModelError
-    (`own-model`).
+    """The finished tables of a folder, by name.
+
+    Raises:
+        FolderError: no table is finished there (`no-batch`), or a fit is damaged.
+        ModelError: a fit was made with a function, which is not this one (`own-model`).
     """
     names = sorted(place.parent.name for place in folder.glob(f"*/{files_of_fit.RECORD}"))
     if not names:
@@ -172,4 +184,5 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         )
         raise FolderError(text, "no-batch")
     fits = {name: files_of_fit.read(folder / name, user_model) for name in names}
-    return batch_of(folder, [rows.record_of(*item) for item in fits.items()], user_model)
+    records = [rows.record_of(name, fit) for name, fit in fits.items()]
+    return batch_of(folder, records, user_model)

@@ -1,4 +1,4 @@
-"""Its page and figure."""
+"""The page of a batch and its figure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from fitball.report.page import Page
 from fitball.report.quantities import chance, figure_text
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from pandas import Series
 
 _TONES = {
@@ -32,32 +33,32 @@ _TONES = {
     "undecided": "quiet",
 }
 # Laboratory tests among the columns, of a surface or of all: how a table heads and prints them.
-_TEST = re.compile(r"(pace_measured|rebound_measured|mean_passes)(\[.*?\])?(?: \[m\])?")
-_TESTS: Mapping[str, tuple[str, Callable[[float], str]]] = {
+_LABORATORY = re.compile(r"(pace_measured|rebound_measured|mean_passes)(\[.*?\])?(?: \[m\])?")
+_LABORATORY_TESTS: Mapping[str, tuple[str, Callable[[float], str]]] = {
     "pace_measured": ("court pace", lambda rating: fixed(rating, 0)),
     "rebound_measured": ("rebound [cm]", lambda height: fixed(CM.factor * height, 1)),
     "mean_passes": ("passes", chance),
 }
 # Reasons of failures on a first screen.
-_REASONS = 5
+_MOST_REASONS = 5
 # Quantities on a first screen.
-_FIRST = 12
+_MOST_QUANTITIES = 12
 # Panels of the figure.
-_PANELS = 6
+_MOST_PANELS = 6
 # Names of tables along the axis of the figure.
-_NAMED = 24
+_MOST_NAMES = 24
 # Letters of all names that fit side by side.
-_ROOM = 50
+_LETTERS_BESIDE = 50
 # Tables up to which wide intervals are legible.
-_CROWDED = 60
+_MOST_LEGIBLE = 60
 # Letters of a reason.
-_REASON = 400
+_LETTERS_OF_REASON = 400
 _ABOUT = (
     "Mean: centre of a normal population of tables. Spread: its sd, of a positive quantity in "
     "percent. New: a table of which nothing was measured. Tables count whose data determine the "
     "quantity; the prior of each fit is divided out (Hogg, Myers and Bovy 2010)."
 )
-# What is said of the tables with each answer on adequacy.
+# How tables with each answer on adequacy are counted.
 _ANSWERS = {
     "describes": "in {}",
     "describes except": "in {} except for single patterns",
@@ -74,10 +75,12 @@ def report(batch: Batched) -> Report:
         Mark(f"{done} of {tables} fitted.", "part" if failed else "good"),
         _described(batch),
     ]
-    reasons = [f"{name} failed: {one_line(reason, _REASON)}" for name, reason in failed.items()]
-    if len(reasons) > _REASONS:
-        more = f"{len(reasons) - _REASONS} more failed: see `batch.csv`."
-        reasons = [*reasons[:_REASONS], more]
+    reasons = [
+        f"{name} failed: {one_line(reason, _LETTERS_OF_REASON)}" for name, reason in failed.items()
+    ]
+    if len(reasons) > _MOST_REASONS:
+        more = f"{len(reasons) - _MOST_REASONS} more failed: see `batch.csv`."
+        reasons = [*reasons[:_MOST_REASONS], more]
     caption = (
         "Each table: median and 95 % interval; grey where its data do not determine the quantity. "
         "Band: 95 % interval of the mean; dashed: of a new table."
@@ -120,7 +123,7 @@ def _described(batch: Batched) -> str:
 def _population_table(batch: Batched) -> Table:
     """A row a quantity that three tables determine, the first ones."""
     rows = []
-    for name, population in batch.populations.head(_FIRST).iterrows():
+    for name, population in batch.populations.head(_MOST_QUANTITIES).iterrows():
         unit = batch.of(str(name))[0].display_unit
         cells: dict[str, str] = {
             "quantity": Mark(short(str(name), 28), "name", population["meaning"]),
@@ -150,7 +153,7 @@ def _table_of_all(batch: Batched) -> Table:
     """A row a table: does the model describe it, laboratory tests, why it failed."""
     tables = batch.tables
     several_models = tables["model"].dropna().nunique() > 1
-    matches = {str(head): _TEST.fullmatch(str(head)) for head in tables.columns}
+    matches = {str(head): _LABORATORY.fullmatch(str(head)) for head in tables.columns}
     tests = {head: match for head, match in matches.items() if match}
     rows = []
     for name, table in tables.iterrows():
@@ -160,12 +163,14 @@ def _table_of_all(batch: Batched) -> Table:
         else:
             cells |= {"impacts": "", "model": "", "fits": Mark("failed", "poor"), "sampling": ""}
         for head, match in tests.items():
-            title, text = _TESTS[match[1]]
+            title, text = _LABORATORY_TESTS[match[1]]
             surface = f" on {match[2][1:-1]}" if match[2] else ""
             cells[f"{title}{surface}"] = text(float(table[head]))
         cells["why"] = ""
         if table["outcome"] != DONE:
-            cells["why"] = Mark(str(table["code"]), "", one_line(str(table["reason"]), _REASON))
+            cells["why"] = Mark(
+                str(table["code"]), "", one_line(str(table["reason"]), _LETTERS_OF_REASON)
+            )
         rows.append(cells)
     return Table("", rows, ("model", "fits", "why"))
 
@@ -190,22 +195,22 @@ def figures(batch: Batched) -> Mapping[str, Callable[[], Figure]]:
 def _figure(batch: Batched) -> Figure:
     """A panel a quantity: tables in their order, the mean of all and a new one."""
     tables = batch.tables
-    populations = batch.populations.head(_PANELS)
+    populations = batch.populations.head(_MOST_PANELS)
     count = len(populations)
     figure, axes = style.new_figure(count, 1, high=0.9 + 1.25 * count, sharex=True)
     for panel, (name, population) in zip(axes[:, 0], populations.iterrows(), strict=True):
-        _panel(panel, batch, str(name), population)
-    step = -(-len(tables) // _NAMED)
+        _draw_quantity(panel, batch, str(name), population)
+    step = -(-len(tables) // _MOST_NAMES)
     names = [figure_text(str(name), 20) for name in tables.index[::step]]
-    rotation = 90 if len("".join(names)) > _ROOM else 0
+    rotation = 90 if len("".join(names)) > _LETTERS_BESIDE else 0
     last = axes[-1, 0]
     last.set_xticks(np.arange(len(tables))[::step], names, rotation=rotation)
     last.set_xlim(-0.6, len(tables) - 0.4)
     return figure
 
 
-def _panel(panel: Any, batch: Batched, name: str, population: Series) -> None:
-    """One quantity of all tables, and its population."""
+def _draw_quantity(axes: Axes, batch: Batched, name: str, population: Series) -> None:
+    """Draw a quantity of all tables, and its population."""
     tables = batch.tables
     first = batch.of(name)[0]
     factor = first.display_unit.factor
@@ -214,24 +219,24 @@ def _panel(panel: Any, batch: Batched, name: str, population: Series) -> None:
         heads[0] = f"{name} [{first.unit}]"
     middle, low, high = (factor * tables[head].to_numpy(np.float64) for head in heads)
     determined = np.array([name in batch.quantities[table] for table in tables.index])
-    width, size = (1.6, 4.0) if len(tables) <= _CROWDED else (0.6, 1.5)
+    width, size = (1.6, 4.0) if len(tables) <= _MOST_LEGIBLE else (0.6, 1.5)
     for group, colour in ((~determined, style.PALE), (determined, style.MODEL_COLOUR)):
         rows = np.flatnonzero(group & np.isfinite(middle))
-        panel.vlines(rows, low[rows], high[rows], color=colour, linewidth=width)
-        panel.plot(rows, middle[rows], "o", color=colour, markersize=size)
+        axes.vlines(rows, low[rows], high[rows], color=colour, linewidth=width)
+        axes.plot(rows, middle[rows], "o", color=colour, markersize=size)
     mean = [factor * population[f"mean{end}"] for end in ENDS[1:]]
     new = [factor * population[f"new{end}"] for end in ENDS[1:]]
-    panel.axhspan(*mean, color=style.FAINT, zorder=0)
+    axes.axhspan(*mean, color=style.FAINT, zorder=0)
     for end in new:
-        panel.axhline(end, color=style.GUIDE_COLOUR, linewidth=0.8, linestyle="--", zorder=0)
+        axes.axhline(end, color=style.GUIDE_COLOUR, linewidth=0.8, linestyle="--", zorder=0)
     # Priors of what is not determined may reach far.
     ends = np.array([*low[determined], *high[determined], *middle[np.isfinite(middle)], *new])
     ends = ends[np.isfinite(ends)]
     margin = 0.06 * np.ptp(ends)
-    panel.set_ylim(ends.min() - margin, ends.max() + margin)
-    panel.set_title(style.axis_label(figure_text(name, 30), first.display_unit))
-    panel.grid(axis="x", visible=False)
-    style.few_ticks(panel.yaxis)
+    axes.set_ylim(ends.min() - margin, ends.max() + margin)
+    axes.set_title(style.axis_label(figure_text(name, 30), first.display_unit))
+    axes.grid(axis="x", visible=False)
+    style.few_ticks(axes.yaxis)
 
 
 PAGE = Page(report, figures)

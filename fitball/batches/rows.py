@@ -1,9 +1,9 @@
-"""What a batch keeps of one fit: its row, and its quantities as groups of a hierarchy."""
+"""What a batch has of each table: its row, and its quantities as groups of a hierarchy."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.levels import SPREAD_FREEDOM, usual_spread
+from fitball.inference.schema import Estimate
 from fitball.uses.hierarchy import (
     LEAST_GROUPS,
     Group,
@@ -40,8 +41,8 @@ _KINDS = ("model", "level", "derived")
 _SDS_IN_INTERVAL = 3.92
 # What the columns of a quantity end with: its value, the ends of its 95 % interval.
 ENDS = ("", "_q025", "_q975")
-# How errors with faults are laid out in lines, and in one line.
-_LINES = (
+# How errors with faults are broken into lines, and joined in a cell of a table.
+_LINE_BREAKS = (
     ("faults\n  - ", "faults: "),
     (":\n  - ", ": "),
     ("\n  - ", "; "),
@@ -49,9 +50,9 @@ _LINES = (
 )
 
 
-class Quantity(NamedTuple):
+class TableQuantity(NamedTuple):
     """A quantity of one table: its `group`, the prior of its `spread` between tables, whether its
-    coordinate is the logarithm; its `unit` in SI and as people read it, and what it is.
+    coordinate is the logarithm (`log`); its `unit` in SI and as people read it, and what it is.
     """
 
     group: Group
@@ -65,8 +66,8 @@ class Quantity(NamedTuple):
 class TableRecord(NamedTuple):
     """What a batch has of one table: its row, and its quantities by name."""
 
-    row: dict[str, Any]
-    quantities: dict[str, Quantity]
+    row: dict[str, object]
+    quantities: dict[str, TableQuantity]
 
 
 class _Tested(NamedTuple):
@@ -83,9 +84,9 @@ class _Tested(NamedTuple):
 def record_of_failure(name: str, error: FitballError) -> TableRecord:
     """The record of a table that could not be fitted: code and reason of the error."""
     reason = str(error)
-    for broken, joined in _LINES:
+    for broken, joined in _LINE_BREAKS:
         reason = reason.replace(broken, joined)
-    row = {
+    row: dict[str, object] = {
         "table": name,
         "outcome": FAILED,
         "code": error.code,
@@ -98,7 +99,7 @@ def record_of(name: str, fit: Fitted) -> TableRecord:
     """The record of a fit: outcome, adequacy, labels that all its impacts share, every quantity in
     SI, laboratory tests.
     """
-    row: dict[str, Any] = {
+    row: dict[str, object] = {
         "table": name,
         "outcome": DONE,
         "code": "",
@@ -111,49 +112,65 @@ def record_of(name: str, fit: Fitted) -> TableRecord:
     for column, cells in fit.run.table.labels.items():
         if column != "id" and len({*cells}) == 1:
             row[f"label:{column}"] = cells[0]
-    quantities = dict[str, Quantity]()
+    quantities = dict[str, TableQuantity]()
     for estimate in fit.reported:
-        name = estimate.name
         value = estimate.median if np.isfinite(estimate.median) else estimate.point
-        row |= _cells(name, estimate.unit, value, estimate.q025, estimate.q975)
-        row[f"{name}_sd"] = estimate.sd
-        row[f"{name}_verdict"] = estimate.verdict
-        group = group_of(fit, name) if estimate.kind in _KINDS else None
-        if group is not None:
-            spec = fit.quantity(name).spec
-            quantities[name] = Quantity(
-                group,
-                spread_prior(fit, name),
-                is_log(spec),
-                spec.unit,
-                spec.display_unit,
-                estimate.meaning.partition(",")[0],
-            )
+        row |= _value_columns(
+            estimate.name,
+            estimate.unit,
+            value,
+            estimate.q025,
+            estimate.q975,
+        )
+        row[f"{estimate.name}_sd"] = estimate.sd
+        row[f"{estimate.name}_verdict"] = estimate.verdict
+        quantity = _fitted_quantity(fit, estimate)
+        if quantity is not None:
+            quantities[estimate.name] = quantity
     for tested in _tested(fit, row):
         unit = "m" if tested.display_unit.name else ""
-        row |= _cells(tested.name, unit, tested.value, tested.low, tested.high)
+        row |= _value_columns(tested.name, unit, tested.value, tested.low, tested.high)
         if tested.high > tested.low:
             quantities[tested.name] = _measured_quantity(tested, unit)
     return TableRecord(row, quantities)
 
 
-def _measured_quantity(tested: _Tested, unit: str) -> Quantity:
+def _fitted_quantity(fit: Fitted, estimate: Estimate) -> TableQuantity | None:
+    """A parameter or derived quantity as one that is compared over tables; None for noises, and
+    where the data do not determine it.
+    """
+    group = group_of(fit, estimate.name) if estimate.kind in _KINDS else None
+    if group is None:
+        return None
+    spec = fit.quantity(estimate.name).spec
+    meaning, _, _ = estimate.meaning.partition(",")
+    spread = spread_prior(fit, estimate.name)
+    return TableQuantity(group, spread, is_log(spec), spec.unit, spec.display_unit, meaning)
+
+
+def _measured_quantity(tested: _Tested, unit: str) -> TableQuantity:
     """A laboratory test as a quantity that is compared over tables."""
     error = (tested.high - tested.low) / _SDS_IN_INTERVAL
     group = measured_group(tested.value, error)
     size = usual_spread(tested.value, 0.0, log=False)
     prior = f"half-t({size:.6g}, {SPREAD_FREEDOM})"
     spread = parse_prior(ParameterSpec(tested.name, "", 0.0, np.inf, prior, "", ""))
-    return Quantity(group, spread, False, unit, tested.display_unit, tested.meaning)
+    return TableQuantity(group, spread, False, unit, tested.display_unit, tested.meaning)
 
 
-def _cells(name: str, unit: str, value: float, low: float, high: float) -> dict[str, float]:
+def _value_columns(
+    name: str,
+    unit: str,
+    value: float,
+    low: float,
+    high: float,
+) -> dict[str, object]:
     """Columns of a quantity: its value, headed with the unit, and the ends of its interval."""
     head = column_head(name, unit)
     return {head: value, f"{name}_q025": low, f"{name}_q975": high}
 
 
-def _tested(fit: Fitted, row: dict[str, Any]) -> Iterator[_Tested]:
+def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
     """What was measured in laboratory tests; into the `row` go the category of a court and the
     chances to pass.
     """
@@ -161,20 +178,20 @@ def _tested(fit: Fitted, row: dict[str, Any]) -> Iterator[_Tested]:
     for pace in measured_pace(*measurements).to_dict("records"):
         if pace["place"]:
             continue
-        name = _at("pace_measured", pace["surface"])
+        name = _name_on("pace_measured", pace["surface"])
         meaning = "court pace rating, as measured"
         yield _Tested(name, PLAIN, meaning, pace["rating"], pace["q025"], pace["q975"])
         row[f"{name}_category"] = max(itf.PACE_CATEGORIES, key=lambda category: pace[category])
     for drop in drop_test(*measurements).to_dict("records"):
         surface = drop["surface"]
         if drop["kind"] in ("mean", "another") and np.isfinite(drop["passes"]):
-            row[_at(f"{drop['kind']}_passes", surface)] = drop["passes"]
+            row[_name_on(f"{drop['kind']}_passes", surface)] = drop["passes"]
         if drop["kind"] != "mean":
             continue
         for column, unit, meaning in (("cor", PLAIN, "COR of drops"), ("rebound", CM, "rebound")):
             if np.isfinite(drop[column]):
                 yield _Tested(
-                    _at(f"{column}_measured", surface),
+                    _name_on(f"{column}_measured", surface),
                     unit,
                     f"{meaning}, as measured",
                     drop[column],
@@ -183,14 +200,17 @@ def _tested(fit: Fitted, row: dict[str, Any]) -> Iterator[_Tested]:
                 )
 
 
-def _at(name: str, surface: str) -> str:
-    """The name of a quantity on a surface."""
+def _name_on(name: str, surface: str) -> str:
+    """The name of a quantity on a surface; as it is where there is but one."""
     return f"{name}[{surface}]" if surface else name
 
 
-def over_tables(name: str, quantities: Sequence[Quantity]) -> Hierarchy:
+def over_tables(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
     """Centre, spread and a new table of a quantity that three tables determine: in SI, but the
-    spread of a logarithm, which is relative. Raises ParameterError (`too-few-tables`).
+    spread of a logarithm, which is relative.
+
+    Raises:
+        ParameterError: fewer than three tables determine it (`too-few-tables`).
     """
     if len(quantities) < LEAST_GROUPS:
         count = len(quantities)
@@ -208,7 +228,7 @@ def over_tables(name: str, quantities: Sequence[Quantity]) -> Hierarchy:
     )
 
 
-def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
+def populations(quantities: Mapping[str, Sequence[TableQuantity]]) -> DataFrame:
     """A row a quantity that three tables determine, index `quantity`: `unit` in SI, `meaning`,
     `tables`; `mean`, `spread` and a table that is `new`, each median with ends of 95 %; whether the
     spread is `relative`; the largest Pareto k.
@@ -221,7 +241,7 @@ def populations(quantities: Mapping[str, Sequence[Quantity]]) -> DataFrame:
             continue
         population = over_tables(name, of_tables)
         first = of_tables[0]
-        row: dict[str, Any] = {
+        row: dict[str, object] = {
             "unit": first.unit,
             "meaning": first.meaning,
             "tables": len(of_tables),

@@ -15,7 +15,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from fitball.base.errors import ParameterError
 from fitball.data.cells import PARQUET, file_and_sheet
@@ -27,22 +26,25 @@ ENDINGS = (".csv", ".tsv", ".txt", *WORKBOOKS, *PARQUET)
 # What Windows keeps for devices (learn.microsoft.com: Naming Files, Paths, and Namespaces).
 _DEVICE = re.compile(r"con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]", re.IGNORECASE)
 # Bytes of a name that every file system takes, with what is put beside it for a moment.
-_LONGEST = 100
+_MOST_BYTES = 100
 # Letters of a digest, enough for any folder of tables.
-_DIGEST = 8
+_LETTERS_OF_DIGEST = 8
 
 
-def named(data: Any, out: Path) -> dict[str, Any]:
-    """Tables by safe names: of a mapping its own; of paths, folders, patterns (`courts/*.csv`,
-    `**`), bundled names and frames made of their files. What lies in `out` is none of them. Raises
-    ParameterError (`no-tables`).
+def tables_by_name(data: object, out: Path) -> dict[str, object]:
+    """Tables by safe names: those of a mapping by its keys; paths, folders, patterns
+    (`courts/*.csv`, `**`), bundled tables and frames by the names of their files. What lies in
+    `out` is none of them.
+
+    Raises:
+        ParameterError: there is no table (`no-tables`).
     """
     if isinstance(data, Mapping):
         forms: dict[str, tuple[str, ...]] = {str(name): (str(name),) for name in data}
         sources = dict(zip(forms, data.values(), strict=True))
     else:
-        many = data if isinstance(data, list | tuple | Iterator) else [data]
-        expanded = [source for entry in many for source in _expanded(entry, out)]
+        entries = data if isinstance(data, list | tuple | Iterator) else [data]
+        expanded = [source for entry in entries for source in _expanded(entry, out)]
         sources = {_key(k, source): source for k, source in enumerate(expanded)}
         forms = _forms(sources)
     if not sources:
@@ -50,15 +52,17 @@ def named(data: Any, out: Path) -> dict[str, Any]:
             "batch: no table was given; expected files, folders or patterns",
             "no-tables",
         )
-    return {name: sources[key] for key, name in _alone(forms).items()}
+    return {name: sources[key] for key, name in _unique_names(forms).items()}
 
 
-def _key(number: int, source: Any) -> str:
-    """What a source is known by: `a.csv` and `./a.csv` are one table."""
+def _key(number: int, source: object) -> str:
+    """The key of a source, a file's path, else its number: `a.csv` and `./a.csv` are the same
+    table.
+    """
     return os.path.abspath(source) if isinstance(source, str) else f"{number}"  # noqa: PTH100
 
 
-def _expanded(entry: Any, out: Path) -> Iterator[Any]:
+def _expanded(entry: object, out: Path) -> Iterator[object]:
     """The tables of a folder or a pattern, sorted; others as they are."""
     if not isinstance(entry, str | os.PathLike):
         yield entry
@@ -82,7 +86,7 @@ def _expanded(entry: Any, out: Path) -> Iterator[Any]:
     yield from map(str, outside)
 
 
-def _forms(sources: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+def _forms(sources: Mapping[str, object]) -> dict[str, tuple[str, ...]]:
     """What each source could be called, the shortest first."""
     files = [file_and_sheet(key)[0] for key, source in sources.items() if isinstance(source, str)]
     folders = [os.path.dirname(file) for file in files]  # noqa: PTH120
@@ -101,50 +105,52 @@ def _forms_of_file(key: str, common: str) -> tuple[str, ...]:
     """A file is called by its stem, its path below the `common` folder, that with the ending."""
     path, sheet = file_and_sheet(key)
     file = Path(path)
-    whole = "-".join(file.relative_to(common).parts)
-    names = (file.stem, whole.removesuffix(file.suffix), whole)
+    below = "-".join(file.relative_to(common).parts)
+    names = (file.stem, below.removesuffix(file.suffix), below)
     return tuple(f"{name}-{sheet}" for name in names) if sheet else names
 
 
-def _name_of(source: Any) -> str:
+def _name_of(source: object) -> str:
     """The name of a table or frame in memory."""
     if isinstance(source, ImpactTable):
         return source.name
     return str(getattr(source, "attrs", {}).get("name", "table"))
 
 
-def _alone(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """A safe name for each, no two the same on any file system."""
+def _unique_names(forms: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """A safe name for each key, no two the same on any file system."""
     names = dict[str, str]()
     rest = dict(forms)
     for step in range(1 + max(map(len, forms.values()))):
-        tried = {key: _tried(key, choices, step) for key, choices in rest.items()}
-        count = Counter(map(_same, [*tried.values(), *names.values()]))
-        names |= {key: name for key, name in tried.items() if count[_same(name)] == 1}
+        tried = {key: _name_at_step(key, choices, step) for key, choices in rest.items()}
+        count = Counter(map(_folded_name, [*tried.values(), *names.values()]))
+        names |= {key: name for key, name in tried.items() if count[_folded_name(name)] == 1}
         rest = {key: choices for key, choices in rest.items() if key not in names}
         if not rest:
             break
     return {key: names[key] for key in forms}
 
 
-def _tried(key: str, choices: Sequence[str], step: int) -> str:
+def _name_at_step(key: str, choices: Sequence[str], step: int) -> str:
     """The name that is tried in this step; after all choices the last one with a digest."""
     if step < len(choices):
-        return safe(choices[step])
-    digest = sha256(key.encode()).hexdigest()[:_DIGEST]
-    return f"{safe(choices[-1])}-{digest}"
+        return safe_name(choices[step])
+    digest = sha256(key.encode()).hexdigest()[:_LETTERS_OF_DIGEST]
+    return f"{safe_name(choices[-1])}-{digest}"
 
 
-def safe(name: str) -> str:
-    """A name that is that of a folder everywhere: letters, digits, blanks and `_+=-()` of any
-    script.
+def safe_name(name: str) -> str:
+    """A name that a folder can have on every file system: letters, digits, blanks and `_+=-()` of
+    any script.
     """
     composed = unicodedata.normalize("NFC", name)
     letters = re.sub(r"[^\w +=()-]", "_", composed).strip()
-    short = letters.encode()[:_LONGEST].decode(errors="ignore").strip() or "table"
+    short = letters.encode()[:_MOST_BYTES].decode(errors="ignore").strip() or "table"
     return f"{short}_" if _DEVICE.fullmatch(short) else short
 
 
-def _same(name: str) -> str:
-    """Equal for names that some file system takes for one (Unicode Standard, definition D145)."""
+def _folded_name(name: str) -> str:
+    """A name as file systems compare it that ignore case: equal for names that some take for the
+    same (Unicode Standard, definition D145).
+    """
     return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())
