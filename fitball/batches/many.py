@@ -138,20 +138,20 @@ def _record(task: Task, named_source: tuple[str, object]) -> TableRecord:
 def _fitted(task: Task, name: str, source: object) -> Fit:
     """The fit of a table, from its folder if that has the same. Raises FitballError."""
     problem, user_model = problem_from_sources([source], **task.options)
-    place = task.folder.path / name
-    key = files_of_fit.key_of(place)
+    folder_of_table = task.folder.path / name
+    key = files_of_fit.key_of(folder_of_table)
     fit = None
     if key == run_of(problem, task.effort).key:
         # One that is damaged is made again.
         with suppress(FolderError):
-            fit = Fit.of(files_of_fit.read(place, user_model))
+            fit = Fit.of(files_of_fit.read(folder_of_table, user_model))
     elif key and not task.overwrite:
         text = (
-            f"{place}: has a fit of other data or settings; replace it with --overwrite "
+            f"{folder_of_table}: has a fit of other data or settings; replace it with --overwrite "
             "(overwrite=True)"
         )
         raise FolderError(f"{text}, or name another folder", "older-result")
-    if fit is not None and (task.figures is None or (place / PAGE_FILE).exists()):
+    if fit is not None and (task.figures is None or (folder_of_table / PAGE_FILE).exists()):
         return fit
     if fit is None:
         fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
@@ -176,7 +176,7 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         FolderError: no table is finished there (`no-batch`), or a fit is damaged.
         ModelError: a fit was made with a function, which is not this one (`own-model`).
     """
-    names = sorted(place.parent.name for place in folder.glob(f"*/{files_of_fit.RECORD}"))
+    names = sorted(record.parent.name for record in folder.glob(f"*/{files_of_fit.RECORD}"))
     if not names:
         text = (
             f"{folder}: no finished table; expected the folder of a batch (to finish one, run "

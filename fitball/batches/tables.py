@@ -75,9 +75,9 @@ def _expanded(entry: object, out: Path) -> Iterator[object]:
         yield text
         return
     pattern = os.path.join(glob.escape(text), "*") if folder else text  # noqa: PTH118
-    places = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
-    tables = [place for place in places if place.suffix.lower() in ENDINGS and place.is_file()]
-    outside = [place for place in tables if not place.absolute().is_relative_to(out.absolute())]
+    paths = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207
+    tables = [path for path in paths if path.suffix.lower() in ENDINGS and path.is_file()]
+    outside = [path for path in tables if not path.absolute().is_relative_to(out.absolute())]
     if not outside:
         raise ParameterError(
             f"{text}: no table there; names of tables end with {', '.join(ENDINGS)}",
