@@ -24,7 +24,7 @@ class Batch(Batched, Result):
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     batch = fitball.batch({"a": drops}, out=folder, model="grip-slip", **options)
         ...     cor = batch["a"].parameters["cor_10"]
-        >>> batch.tables["impacts"]["a"], round(cor.point, 2)
+        >>> int(batch.tables["impacts"]["a"]), round(cor.point, 2)
         (3, 0.74)
     """
 
