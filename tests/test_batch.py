@@ -80,11 +80,11 @@ OPTIONS = {"model": "brody", "point_only": True, "progress": False}
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
 def test_a_table_that_ends_its_process_is_a_failed_row(courts):
-    place = courts / "court 1.csv"
-    batch = fitball.batch([place, Deadly()], cores=2, figures="none", **OPTIONS)
+    path = courts / "court 1.csv"
+    batch = fitball.batch([path, Deadly()], cores=2, figures="none", **OPTIONS)
     assert batch.tables["code"].to_dict() == {"court 1": "", "table": "worker-died"}
     # As calibrate does, whatever the processes.
-    alone = fitball.calibrate(place, **OPTIONS)
+    alone = fitball.calibrate(path, **OPTIONS)
     assert batch["court 1"] == alone
     assert batch["court 1"].run.key == alone.run.key
 
@@ -116,7 +116,7 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     record = json.loads(places["court 1"].read_text())
     record["headline"] = "edited"
     places["court 1"].write_text(json.dumps(record))
-    before = {name: place.stat().st_mtime_ns for name, place in places.items()}
+    before = {name: path.stat().st_mtime_ns for name, path in places.items()}
     third = places["court 3"]
     third.unlink()
     del before["court 3"]
@@ -124,8 +124,8 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     words = "batch courts --out all --model brody --point-only --as-read --cores 1 --figures none"
     assert main(words.split()) == 1
     rewritten = set()
-    for name, place in places.items():
-        if place.stat().st_mtime_ns != before.get(name):
+    for name, path in places.items():
+        if path.stat().st_mtime_ns != before.get(name):
             rewritten.add(name)
     assert rewritten == {"court 1", "court 3"}
     assert not list(third.parent.glob("*.partial"))
@@ -240,7 +240,7 @@ def different(names):
 
 def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for place in (
+    for path in (
         "a/one.csv",
         "b/one.csv",
         "b/One.txt",
@@ -252,8 +252,8 @@ def test_tables_have_names_that_every_file_system_takes(tmp_path, monkeypatch):
         "b/v1.2: x.csv",
         "out/old/one.csv",
     ):
-        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / place).touch()
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).touch()
     out = tmp_path / "out"
     tables = tables_by_name(["a", "b/*", "./a/one.csv", "wang_all"], out)
     assert list(tables) == [

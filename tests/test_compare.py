@@ -358,6 +358,27 @@ def test_a_fit_compares_on_its_own_table_with_its_own_choices(table):
         pd.testing.assert_frame_equal(result.frames[name], frame)
 
 
+def test_choices_of_a_fit_that_concern_no_other_model_are_idle(table):
+    """The offset is a parameter of grip-slip, and places have no spread in a fit."""
+    fit = fitball.calibrate(
+        table,
+        model="grip-slip",
+        fix={"offset": 0.001},
+        prior={"rating_spread": "half-normal(2)", "mu": "normal(0.5, 0.2)"},
+        pool={"e_x": "surface"},
+        point_only=True,
+    )
+    for problem in compare.problems_of_fit(fit, ["brody", "thesis-exact"], False):
+        assert problem.choices.prior == {"mu": "normal(0.5, 0.2)"}
+        assert not problem.choices.fix
+        assert not problem.choices.pool
+    # A misspelt choice of the verb is refused.
+    loaded = (fit.run.table, fit.run.scene, fit.run.choices)
+    with pytest.raises(fitball.FitballError) as caught:
+        compare.problems_of(*loaded, ["brody", "thesis-exact"], False)
+    assert caught.value.code == "unknown-parameter"
+
+
 @pytest.mark.parametrize(
     ("model", "text"),
     [("grip-slip", "grip-slip"), ("two-mass+spin=shell+offset=grip", ""), (straight, "")],
@@ -445,8 +466,8 @@ def test_interrupted_it_returns_what_is_done(table, monkeypatch):
 
         def as_completed_until(make, tasks, _cores):
             results = list(as_completed(make, tasks[1:], 1))
-            for place, result in results[:count]:
-                yield place + 1, result
+            for number, result in results[:count]:
+                yield number + 1, result
             raise KeyboardInterrupt
 
         return as_completed_until
@@ -529,11 +550,11 @@ def test_whether_the_second_mass_is_worth_it_is_said_of_the_one_that_is_behind(b
 
 
 def test_by_the_command_line(tmp_path, capsys, table):
-    place = tmp_path / "hits.csv"
-    table.to_csv(place, index=False)
+    path = tmp_path / "hits.csv"
+    table.to_csv(path, index=False)
     words = [
         "compare",
-        str(place),
+        str(path),
         "--models",
         "brody,grip-slip",
         "--pool",
@@ -548,5 +569,5 @@ def test_by_the_command_line(tmp_path, capsys, table):
     assert {"models.csv", "left_out.csv", "quantities.csv"} <= names
     assert {"scores.png", "report.html"} <= names
     assert pd.read_csv(tmp_path / "c" / "left_out.csv").shape[0] == 36
-    assert main(["compare", str(place), "--models", "brody", "--out", str(tmp_path / "d")]) == 2
+    assert main(["compare", str(path), "--models", "brody", "--out", str(tmp_path / "d")]) == 2
     assert not (tmp_path / "d").exists()

@@ -234,10 +234,10 @@ def test_gains_agree_with_nested_monte_carlo():
     names = ("mu", "e_x", "offset", "cor_10")
     bent = drawn(made_fit(fix=NOISE), (0.03, 0.05, 0.04, 0.01), names, logs=True)
     grid = frames_of(bent, sensor={})["gains"]
-    for place in (0, 7, 16):
-        wanted, error = nested(bent, grid.iloc[place], columns, rng)
+    for setting in (0, 7, 16):
+        wanted, error = nested(bent, grid.iloc[setting], columns, rng)
         # A mean of 4,000 draws within is too low by some thousandths.
-        assert grid["as before"][place] == pytest.approx(wanted, abs=3.0 * error + 0.02)
+        assert grid["as before"][setting] == pytest.approx(wanted, abs=3.0 * error + 0.02)
     assert np.ptp(grid["as before"]) > 0.3
 
 

@@ -306,18 +306,19 @@ class _ColumnSlopes:
         if self.errors is None:
             return slopes / np.sqrt(variance)[..., None], variance
         fitted = self._fitted()
-        before = [
-            fitted[name] if name in fitted and name not in sensor.sds else -1 for name in names
-        ]
-        # A column that a sensor reads has an error of its own alone.
-        as_before = seen & (np.array(before) >= 0)
+        # A column that a sensor reads has an independent error, and is none of the fitted ones.
+        before = np.array([-1 if name in sensor.sds else fitted[name] for name in names])
+        as_before = seen & (before >= 0)
         both = as_before[:, :, None] & as_before[:, None, :]
-        follows = self.errors.follows[:, before] * as_before[..., None]
-        moves = self.moves[:, :, places] * seen[..., None]
+        follows = self.errors.follows[:, before]
+        follows = follows * as_before[..., None]
+        moves = self.moves[:, :, places]
+        moves = moves * seen[..., None]
         away = moves - follows @ self.errors.axes
-        rest = self.errors.rest[:, before][:, :, before] * both
+        rest = self.errors.rest[:, before][:, :, before]
         scatter = variance[..., None] * np.eye(len(names))
-        covariance = rest + away @ away.swapaxes(2, 3) + scatter
+        of_states = away @ away.swapaxes(2, 3)
+        covariance = rest * both + of_states + scatter
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), slopes)
         return whitened, np.diagonal(covariance, axis1=2, axis2=3)
 
