@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_rgba
 from support.drawn import cut_off
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base.errors import FolderError, MachineError, ModelError, ParameterError
@@ -292,12 +292,12 @@ def batch_of_courts():
     """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
     frames = [table_of(18, ("clay", "hard"))]
     frames += [table_of(14 + k) for k in range(4)]
-    results = [rows.record_of(f"court {k}", made_fit(frame)) for k, frame in enumerate(frames)]
+    results = [rows.record_of(f"court {k}", fit_by_hand(frame)) for k, frame in enumerate(frames)]
     drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
     drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
     wiggle = 1.0 + 2e-3 * np.sin(np.arange(9))
     drops["v_y2"] = 0.745 * drops["v_y1"] * wiggle
-    results.append(rows.record_of("drops", made_fit(drops)))
+    results.append(rows.record_of("drops", fit_by_hand(drops)))
     results.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
     return many.batch_of(None, results, None)
 
@@ -306,7 +306,7 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(batch_of_courts):
     tables = batch_of_courts.tables
     assert tables.loc["court 1", "mu_verdict"] == "given"
     assert np.isnan(tables.loc["court 0", "mu"])
-    cor = made_fit(table_of(14)).parameters["cor_10"]
+    cor = fit_by_hand(table_of(14)).parameters["cor_10"]
     assert tables.loc["court 1", "cor_10"] == cor.median
     assert cor.median != cor.point
     assert tables.loc["court 0", "mu[clay]_q025"] < tables.loc["court 0", "mu[clay]"]
@@ -346,7 +346,7 @@ def test_a_court_of_the_test_has_its_measured_rating():
             "surface": "clay",
         }
     )
-    result = rows.record_of("court", made_fit(frame))
+    result = rows.record_of("court", fit_by_hand(frame))
     row = result.row
     low = row["pace_measured_q025"]
     high = row["pace_measured_q975"]

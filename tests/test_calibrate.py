@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from support.made_fit import TRUTH, made_fit, table_of
+from support.fit_by_hand import TRUTH, fit_by_hand, table_of
 
 import fitball
 from fitball.cli import main
@@ -93,9 +93,9 @@ def test_check_prints_every_fault_as_json(tmp_path, capsys):
 
 
 def test_best_values_outside_of_their_intervals_are_named(monkeypatch):
-    estimates = [*made_fit().parameters.values()]
+    estimates = [*fit_by_hand().parameters.values()]
     assert not notes_of_best_outside(estimates)
-    assert not notes_of_best_outside([*made_fit(sampled=False).parameters.values()])
+    assert not notes_of_best_outside([*fit_by_hand(sampled=False).parameters.values()])
     far = [replace(estimate, point=estimate.q975 + estimate.half) for estimate in estimates]
     note = notes_of_best_outside(far)[0]
     assert note.code == "best-outside"

@@ -10,7 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball import cli
@@ -98,11 +98,11 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     surfaces = table_of(36, ("clay", "hard"))
     fits = {
-        "F": made_fit(surfaces),
-        "P": made_fit(sampled=False),
-        "D": made_fit(table_of(12, drop=True)),
+        "F": fit_by_hand(surfaces),
+        "P": fit_by_hand(sampled=False),
+        "D": fit_by_hand(table_of(12, drop=True)),
     }
-    fits["T"] = made_fit(surfaces, model="two-mass")
+    fits["T"] = fit_by_hand(surfaces, model="two-mass")
     for name, fit in fits.items():
         Path(name).mkdir()
         for file, content in files_of_fit.files(fit).items():
@@ -133,7 +133,7 @@ def test_mistakes_in_python_have_codes_too():
     for code, verb, data, options in (
         ("no-data", "calibrate", [], {}),
         ("no-data", "track", None, {}),
-        ("count", "plan", made_fit(), {"count": 2.5}),
+        ("count", "plan", fit_by_hand(), {"count": 2.5}),
         ("not-a-number", "calibrate", "wang_all", {"fix": {"mu": ""}}),
     ):
         with pytest.raises(FitballError, check=lambda error, code=code: error.code == code):

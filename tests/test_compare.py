@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import optimize, stats
 from support import line
 from support.drawn import cut_off
-from support.made_fit import table_of
+from support.fit_by_hand import table_of
 
 import fitball
 from fitball.base.findings import Findings

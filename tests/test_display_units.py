@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.films import Camera, bounces, filmed
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base import display_units
@@ -94,7 +94,7 @@ def derived():
         (fast, "two-mass"),
         (table_of(drop=True), "grip-slip"),
     ):
-        problem = made_fit(frame, model=model).problem
+        problem = fit_by_hand(frame, model=model).problem
         rows = problem.rows
         known = CalibratedRange(rows.states, rows.index, problem.scene.ball_value().radius)
         yield from (item.spec for item in quantities(problem.forward, known, problem.scene))
@@ -168,7 +168,7 @@ def test_the_page_of_a_simulation():
 
 
 def test_the_page_of_a_prediction():
-    made = made_fit()
+    made = fit_by_hand()
     fit = replace(made, alternatives=())
     fit.__dict__["made"] = made.made
     found = fit.predict(impact="v_1=15..25:4, theta_1=30 deg, omega_1=10")
@@ -184,7 +184,7 @@ def test_the_page_of_a_prediction():
 
 
 def test_the_page_of_a_plan():
-    found = made_fit(scene=Scene()).plan(
+    found = fit_by_hand(scene=Scene()).plan(
         speed="15..25:2",
         angle="20..60:2",
         spin="0..100:2",
@@ -206,7 +206,7 @@ def test_the_page_of_a_plan():
 
 
 def test_the_page_of_a_fit():
-    fit = made_fit()
+    fit = fit_by_hand()
     frame = fit.predictions
     rows = fit_tables.impact_table(fit).rows
     for row, state in zip(rows, frame.drop_duplicates("row").to_dict("records"), strict=True):

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball import cli
@@ -37,7 +37,7 @@ def levelled():
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit(name=NASTY[1], fix={"offset": 0.002})
+    return fit_by_hand(name=NASTY[1], fix={"offset": 0.002})
 
 
 def parsed(text):

@@ -12,7 +12,7 @@ import subprocess
 import numpy as np
 import pytest
 import xarray
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.data.scene import Scene, ValueWithSd
@@ -58,7 +58,7 @@ class Page:
 
 @pytest.fixture(scope="module")
 def levelled():
-    return made_fit(table_of(30, surfaces=LABELS))
+    return fit_by_hand(table_of(30, surfaces=LABELS))
 
 
 def run(page, *lines):
@@ -82,7 +82,7 @@ def run(page, *lines):
 
 def test_names_of_others_are_text_on_the_page(levelled):
     page = Page(levelled.export(to="page"))
-    nasty = Page(made_fit(name=SCRIPT).export(to="page"))
+    nasty = Page(fit_by_hand(name=SCRIPT).export(to="page"))
     assert page.options == list(LABELS)
     assert "level" not in nasty.ids
     # A column of values for each.
@@ -138,7 +138,7 @@ def test_the_page_says_what_it_does_not_rest_on(levelled):
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit(table_of(20, surfaces=("clay", "grass/new")), name="balls")
+    return fit_by_hand(table_of(20, surfaces=("clay", "grass/new")), name="balls")
 
 
 def test_log_likelihood_and_log_prior_add_up_to_the_posterior(fit):
@@ -177,7 +177,7 @@ def likelihood_and_prior(tree, draw):
 def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
     # Five parts of rows.
     monkeypatch.setattr("fitball.inference.density.STATES_AT_ONCE", 2000)
-    timed = made_fit(scene=Scene(contact_time=ValueWithSd(4.5e-3, 2e-4)), model="two-mass")
+    timed = fit_by_hand(scene=Scene(contact_time=ValueWithSd(4.5e-3, 2e-4)), model="two-mass")
     tree = timed.to_datatree()
     draw = (2, 4)
     row = timed.posterior.values[0, 4, 2]
@@ -240,7 +240,7 @@ def test_the_file_is_the_tree_whatever_columns_and_labels_are_called(tmp_path):
     table = table_of(12, surfaces=("c\x00d", "e"))
     table["court/side"] = ["a\x00b", "/"] * 6
     table["impact"] = "<b>"
-    fit = made_fit(table)
+    fit = fit_by_hand(table)
     tree = fit.to_datatree()
     (file,) = fit.export(to="arviz").save(tmp_path)
     with xarray.open_datatree(file, engine="h5netcdf") as written:

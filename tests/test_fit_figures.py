@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from numpy.testing import assert_allclose, assert_array_equal
 from support.drawn import dots
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.models.types import regime_name
@@ -53,12 +53,12 @@ CASES = {
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit()
+    return fit_by_hand()
 
 
 @pytest.fixture(scope="module")
 def pooled():
-    return made_fit(table_of(36, ("clay", "hard", "wood")))
+    return fit_by_hand(table_of(36, ("clay", "hard", "wood")))
 
 
 def figure(name, fit):
@@ -73,7 +73,7 @@ def display_factor(fit, name):
 @pytest.mark.parametrize("case", CASES)
 def test_every_figure_is_drawn_of_every_table(case):
     options, names = CASES[case]
-    fit = made_fit(**options)
+    fit = fit_by_hand(**options)
     assert {*drawable(fit)} == names
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -128,7 +128,7 @@ def trends(fit):
 
 def with_bent_residuals(answer):
     """A fit of which the residuals of v_x2 follow the angle of impact."""
-    fit = made_fit(answer=answer)
+    fit = fit_by_hand(answer=answer)
     frame = fit.predictions
     angle = frame["theta_1"]
     bent = 3.0 * (angle - angle.mean()) + 0.1 * np.cos(frame["row"] * 5)
@@ -167,7 +167,7 @@ def test_a_trend_agrees_with_the_f_test():
 
 
 def test_many_rows_are_drawn_as_bins(fit):
-    long = made_fit()
+    long = fit_by_hand()
     rng = np.random.default_rng(5)
     frame = pd.concat([fit.predictions] * 1400, ignore_index=True)
     frame["theta_1"] += 0.05 * rng.standard_normal(len(frame))
@@ -193,7 +193,7 @@ def stiff():
     """A fit of which the stiffness has a prior far narrower than its draws."""
     fixed = {"k_theta": 20.0}
     prior = {"k_y": "lognormal(2e4, 0.3)"}
-    fit = made_fit(model="two-mass", fix=fixed, prior=prior)
+    fit = fit_by_hand(model="two-mass", fix=fixed, prior=prior)
     z = np.random.default_rng(6).standard_normal(400)
     fit.draws.values["k_y"][:] = 2e4 * np.exp(z)
     return fit
@@ -268,7 +268,7 @@ def test_profiles_mark_their_intervals(fit):
 
 
 def test_bars_of_regimes_are_shares_of_draws():
-    fit = made_fit()
+    fit = fit_by_hand()
     fit.draws.values["mu"][:] = np.random.default_rng(7).uniform(0.2, 0.8, 400)
     axis = figure("regimes", fit).axes[0]
     ends = np.zeros(24)
@@ -335,7 +335,7 @@ def test_a_legend_of_curves_names_the_speed_where_speeds_differ(pooled):
 
 
 def test_a_value_of_which_a_few_draws_are_not_positive_has_no_logarithmic_axis():
-    fit = made_fit()
+    fit = fit_by_hand()
     draws = fit.draws.values["mu"]
     rng = np.random.default_rng(1)
     draws[:] = np.exp(rng.normal(0.0, 2.0, len(draws)))

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from msgspec.structs import replace
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base import itf
 from fitball.base.numbers import percent
@@ -23,17 +23,17 @@ SURFACES = ("clay", "grass", "hard", "carpet", "wood")
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit()
+    return fit_by_hand()
 
 
 @pytest.fixture(scope="module")
 def point():
-    return made_fit(sampled=False)
+    return fit_by_hand(sampled=False)
 
 
 @pytest.fixture(scope="module")
 def pooled():
-    return made_fit(table_of(60, SURFACES), model="two-mass")
+    return fit_by_hand(table_of(60, SURFACES), model="two-mass")
 
 
 def near(text, value):
@@ -129,7 +129,7 @@ def test_every_quantity_choice_and_impact_appears(fit):
 
 
 def test_a_first_screen_has_at_most_forty_lines(fit, pooled):
-    warned = made_fit(table_of(60, SURFACES), model="two-mass")
+    warned = fit_by_hand(table_of(60, SURFACES), model="two-mass")
     complaints = tuple(f"complaint {k} " + 12 * "of chains " for k in range(9))
     diagnostics = replace(warned.diagnostics, converged=False, complaints=complaints)
     object.__setattr__(warned, "diagnostics", diagnostics)
@@ -211,7 +211,7 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     of_point = fit_words.methods(point)
     assert "ensemble" not in of_point
     assert "assumptions" not in of_point
-    other_model = made_fit(model="two-mass+normal=total", sampled=False)
+    other_model = fit_by_hand(model="two-mass+normal=total", sampled=False)
     assert "assumptions: normal=total" in fit_words.methods(other_model)
 
 
@@ -257,7 +257,7 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     kinds = pd.DataFrame([{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")])
     monkeypatch.undo()
     monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
-    fallen = made_fit(table_of(12, drop=True))
+    fallen = fit_by_hand(table_of(12, drop=True))
     assert "141.0" in lab.sentences(fallen)[0]
     assert "> 99 %" in lab.sentences(fallen)[0]
     assert lab.section(fallen).title == "Drop test"
@@ -302,11 +302,11 @@ def test_works_are_those_of_model_sampler_and_data(fit, point):
     of_sampling = {"foremanmackey2013", "vehtari2021", "cornuet2012"}
     assert of_sampling.isdisjoint(keys_of(cite.references(point)))
     wang = Scene(source={"citation": "J. C. Wang (1989) as printed by S. M. Jafri, 2004"})
-    of_wang = keys_of(cite.references(made_fit(scene=wang)))
+    of_wang = keys_of(cite.references(fit_by_hand(scene=wang)))
     assert of_wang.count("jafri2004") == 1
     assert "data" not in of_wang
     lab_a = Scene(source={"citation": "50 % of {Lab_A} & others", "description": "a#b"})
-    of_lab_a = cite.references(made_fit(scene=lab_a))
+    of_lab_a = cite.references(fit_by_hand(scene=lab_a))
     assert r"note = {50 \% of \{Lab\_A\} \& others}" in of_lab_a
     assert r"title = {a\#b}" in of_lab_a
     for text in (of_lab_a, *cite.works().values()):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.inference import frames
@@ -22,7 +22,7 @@ QUANTILES = ["q025", "q16", "median", "q84", "q975"]
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit(table_of(40, surfaces=("clay", "grass", "hard")))
+    return fit_by_hand(table_of(40, surfaces=("clay", "grass", "hard")))
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def fit():
     ],
 )
 def test_every_impact_has_a_series_of_its_level_and_every_series_a_curve(table, count):
-    fit = made_fit(table, model="brody")
+    fit = fit_by_hand(table, model="brody")
     all_series, which = series(fit.problem)
     assert which.shape == (len(table),)
     assert count <= len(all_series) <= 6
@@ -111,7 +111,7 @@ def test_shares_of_regimes_and_errors_of_balances_are_those_of_the_fit(fit, monk
 
 
 def test_a_point_fit_has_curves_without_bands():
-    fit = made_fit(sampled=False)
+    fit = fit_by_hand(sampled=False)
     drawn = curves_frame(fit.problem, fit.draws)
     assert drawn[QUANTILES].isna().all(axis=None)
     assert drawn["point"].notna().all()

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import binom, lognorm, norm
 from scipy.stats import t as student
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.uses.hierarchy import (
@@ -199,14 +199,14 @@ def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
 
 
 def test_groups_of_a_fit_have_the_density_of_their_prior():
-    fit = made_fit(table_of(24, ("clay", "hard")), prior={"e_x": "uniform(-1, 1)"})
+    fit = fit_by_hand(table_of(24, ("clay", "hard")), prior={"e_x": "uniform(-1, 1)"})
     for quantity in fit.reported:
         determined = quantity.verdict in ("identified", "given", "conditional")
         has_group = group_of(fit, quantity.name) is not None
         assert has_group == determined, quantity.name
     assert group_of(fit, "no_such") is None
-    assert group_of(made_fit(sampled=False), "mu") is None
-    plain = made_fit(prior={"e_x": "lognormal(0.2, 0.5)", "mu": "normal(0.6, 0.3)"})
+    assert group_of(fit_by_hand(sampled=False), "mu") is None
+    plain = fit_by_hand(prior={"e_x": "lognormal(0.2, 0.5)", "mu": "normal(0.6, 0.3)"})
     assert is_log(fit.quantity("mu[clay]").spec)
     assert not is_log(fit.quantity("cor_slope").spec)
 
@@ -230,7 +230,7 @@ def test_groups_of_a_fit_have_the_density_of_their_prior():
 
 
 def test_the_spread_between_tables_is_expected_as_between_levels():
-    fit = made_fit()
+    fit = fit_by_hand()
     assert spread_prior(fit, "mu").width == pytest.approx(0.3, rel=1e-6)
     # A share of the median, 0.75, of 4,000 prior draws.
     assert spread_prior(fit, "cor_10").width == pytest.approx(0.3 * 0.75, rel=0.02)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from made_tables import made
 from scipy.stats import linregress, t
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base import itf
 from fitball.base.priors import ParameterSpec, parse_prior
@@ -310,10 +310,10 @@ def test_drops_are_called_after_their_surface_where_there_are_several():
     frame = pd.DataFrame(
         {"drop_height [m]": 2.54, "rebound_height [m]": [1.39, 1.40, 1.41, 1.20, 1.21, 1.22]}
     )
-    lines = page.sentences(made_fit(frame))
+    lines = page.sentences(fit_by_hand(frame))
     assert any("Drop test, measured" in line for line in lines)
     surfaces = ["concrete"] * 3 + ["clay"] * 3
-    text = "\n".join(page.sentences(made_fit(frame.assign(surface=surfaces)), most=9))
+    text = "\n".join(page.sentences(fit_by_hand(frame.assign(surface=surfaces)), most=9))
     assert text.count("Drop test on clay, measured") == 1
     assert text.count("Drop test on concrete, measured") == 1
 
@@ -329,7 +329,7 @@ def test_what_is_no_drop_test_has_none():
 
 
 def test_the_page_names_the_surface_that_cannot_be_rated(monkeypatch):
-    fit = made_fit(table_of(24, ("clay", "hard")))
+    fit = fit_by_hand(table_of(24, ("clay", "hard")))
     summary = fit.summary.rename(index={"court_pace": "court_pace[clay]"})
     summary.loc["court_pace[hard]"] = summary.loc["court_pace[clay]"]
     numbers = ["point", "median", "q025", "q975"]
@@ -369,7 +369,7 @@ def test_drops_on_several_surfaces_have_a_restitution_each_in_the_model():
 
 @pytest.mark.parametrize(("column", "head"), [("surface", "surface"), ("location", "place")])
 def test_ratings_by_the_model_are_called_after_what_differs(column, head, monkeypatch):
-    fit = made_fit(table_of(24, ("A", "B")).rename(columns={"surface": column}))
+    fit = fit_by_hand(table_of(24, ("A", "B")).rename(columns={"surface": column}))
     fit.__dict__["summary"] = fit.summary.rename(index={"court_pace": "court_pace[A]"})
     pace = fit.quantity("court_pace")
     monkeypatch.setattr(type(fit), "quantity", lambda *_: pace)

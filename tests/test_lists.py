@@ -9,7 +9,7 @@ from inspect import getdoc, isfunction
 from typing import get_args
 
 import pytest
-from support.made_fit import made_fit
+from support.fit_by_hand import fit_by_hand
 
 import fitball
 from fitball import cli
@@ -108,10 +108,10 @@ def test_verbs_are_the_public_functions_that_do_not_load():
 
 
 def test_the_page_of_a_fit_has_each_figure_once():
-    pictures = report(made_fit(model="two-mass")).pictures(every=True)
+    pictures = report(fit_by_hand(model="two-mass")).pictures(every=True)
     assert sorted(pictures) == sorted(FIGURES)
     assert {figure.place for figure in FIGURES.values()} == {*get_args(Place)}
-    fit = made_fit()
+    fit = fit_by_hand()
     assert all(figure.caption_of(fit).endswith(".") for figure in FIGURES.values())
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 from scipy.special import logsumexp
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base.errors import ParameterError
@@ -65,7 +65,7 @@ def drawn(fit, spread, names, logs=False):
 
 def linear_fit(frame=None, **choices):
     """A fit of the linear model, whose gains are known in closed form."""
-    fit = made_fit(frame, **{"fix": NOISE, **choices})
+    fit = fit_by_hand(frame, **{"fix": NOISE, **choices})
     problem = build_problem(
         fit.run.table,
         fit.run.scene,
@@ -189,7 +189,7 @@ def test_a_drop_shows_the_vertical_speed_alone(straight):
 
 def test_a_noise_is_learned_by_its_own_information():
     """A measurement has the information 2 about the logarithm of its sd."""
-    fit = made_fit()
+    fit = fit_by_hand()
     drawn(fit, (0.2,), ("v_x_sd",), logs=True)
     chosen = frames_of(fit, target="v_x_sd", sensor={}, count=3)["plan"]
     variance = np.var(np.log(fit.draws.values["v_x_sd"]), ddof=1)
@@ -232,7 +232,7 @@ def test_gains_agree_with_nested_monte_carlo():
     rng = np.random.default_rng(5)
     columns = ("v_x2", "v_y2", "omega_2")
     names = ("mu", "e_x", "offset", "cor_10")
-    bent = drawn(made_fit(fix=NOISE), (0.03, 0.05, 0.04, 0.01), names, logs=True)
+    bent = drawn(fit_by_hand(fix=NOISE), (0.03, 0.05, 0.04, 0.01), names, logs=True)
     grid = frames_of(bent, sensor={})["gains"]
     for setting in (0, 7, 16):
         wanted, error = nested(bent, grid.iloc[setting], columns, rng)
@@ -305,7 +305,7 @@ def test_heavy_tails_say_less():
 
 @pytest.fixture(scope="module")
 def elastic():
-    fit = made_fit(model="two-mass", fix=NOISE)
+    fit = fit_by_hand(model="two-mass", fix=NOISE)
     names = ("mass_ratio", "k_y", "k_theta", "mu")
     return drawn(fit, (0.02, 0.3, 0.3, 0.04), names, logs=True)
 
@@ -334,7 +334,7 @@ def test_gaps_depend_on_the_height_of_the_court(elastic):
         if height is not None:
             camera = CameraSection(court_height=ValueWithSd(0.0, height))
             scene = Scene(camera=camera)
-        fit = made_fit(model="two-mass", fix=NOISE, scene=scene)
+        fit = fit_by_hand(model="two-mass", fix=NOISE, scene=scene)
         drawn(fit, (0.3,), ("k_y",), logs=True)
         return first_gain(fit, target="k_y", sensor={"gaps": share})
 
@@ -346,7 +346,7 @@ def test_gaps_depend_on_the_height_of_the_court(elastic):
 
 
 def test_draws_that_do_not_give_the_target_are_left_out():
-    fit = drawn(made_fit(model="two-mass", fix=NOISE), (0.1,), ("mu",), logs=True)
+    fit = drawn(fit_by_hand(model="two-mass", fix=NOISE), (0.1,), ("mu",), logs=True)
     ratio = fit.draws.values["mass_ratio"]
     rng = np.random.default_rng(2)
     # COR cannot exceed the mass ratio.
@@ -363,7 +363,7 @@ def test_planned_impacts_are_filmed_as_the_last_were():
     frame = table_of()
     frame["session"] = ["monday"] * 12 + ["tuesday"] * 12
     camera = CameraSection(tilt=ValueWithSd(0.0, 0.02))
-    fit = made_fit(frame, fix=NOISE, scene=Scene(camera=camera))
+    fit = fit_by_hand(frame, fix=NOISE, scene=Scene(camera=camera))
     drawn(fit, (0.02, 0.02), ("tilt[monday]", "tilt[tuesday]"))
     of_first = first_gain(fit, target="tilt[monday]", sensor={})
     of_last = first_gain(fit, target="tilt[tuesday]", sensor={})
@@ -396,7 +396,7 @@ def shown_gains(plan):
 
 
 def test_settings_and_targets_on_levels():
-    fit = made_fit(table_of(36, ("clay", "hard")))
+    fit = fit_by_hand(table_of(36, ("clay", "hard")))
     on_hard = fit.draws.values["mu[hard]"]
     on_hard[:] = 0.5 + 2.0 * (on_hard - 0.5)
     frames = frames_of(fit, target="mu", sensor={})
@@ -431,7 +431,7 @@ def test_the_table_is_filled_in_and_read_beside_the_fitted_one(polar):
         v_y1 = frame.pop("v_y1")
         frame["v_1"] = np.hypot(v_x1, v_y1)
         frame["theta_1 [deg]"] = np.degrees(np.arctan2(v_y1, v_x1))
-    result = fitball.plan(made_fit(frame), sensor={}, count=4, **GRID)
+    result = fitball.plan(fit_by_hand(frame), sensor={}, count=4, **GRID)
     table = page.to_fill_in(result)
     chosen = result.frames["plan"]
     empty = ["v_x2 [m/s]", "v_y2 [m/s]", "omega_2 [rad/s]"]
@@ -452,7 +452,7 @@ def test_the_table_is_filled_in_and_read_beside_the_fitted_one(polar):
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fit")
-    made_fit(fix=NOISE).save(folder, figures=False)
+    fit_by_hand(fix=NOISE).save(folder, figures=False)
     return fitball.load_fit(folder)
 
 
@@ -488,7 +488,7 @@ def test_the_map_shows_gains_and_places(straight):
 
 
 def test_a_drop_test_is_planned_over_its_speed():
-    result = fitball.plan(made_fit(table_of(12, drop=True)), count=2)
+    result = fitball.plan(fit_by_hand(table_of(12, drop=True)), count=2)
     assert (result.frames["plan"]["theta_1"] == np.pi / 2).all()
     assert result.frames["gains"]["v_1"].nunique() == 6
     assert [*page.to_fill_in(result)] == ["id", "v_y1 [m/s]", "v_y2 [m/s]", "sensor"]

@@ -4,7 +4,7 @@ import threading
 import time
 
 import pytest
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball import cli
@@ -17,7 +17,7 @@ STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fits") / "balls"
-    made_fit().save(folder, figures=False)
+    fit_by_hand().save(folder, figures=False)
     return folder
 
 
@@ -44,7 +44,7 @@ def test_figures_are_written_beside_the_fit(stored, capsys, form):
 
 
 def test_without_names_all_that_there_is_data_for(tmp_path):
-    made_fit(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
+    fit_by_hand(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
     found = fitball.plot(tmp_path / "drop")
     assert (
         found.names == ("curves", "profiles", "predictive", "residuals") or "forest" in found.names
@@ -53,7 +53,7 @@ def test_without_names_all_that_there_is_data_for(tmp_path):
     assert [note.code for note in found.notes] == ["not-drawn"]
     places = found.save(tmp_path / "other")
     assert [place.name for place in places] == [f"{name}.png" for name in found.names]
-    assert fitball.plot(made_fit(), "curves,corner").names == ("curves", "corner")
+    assert fitball.plot(fit_by_hand(), "curves,corner").names == ("curves", "corner")
 
 
 def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):
@@ -76,7 +76,7 @@ def test_a_run_that_writes_into_the_folder_is_waited_for(stored, monkeypatch):
 
 def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    made_fit(model="two-mass").save("fit", figures=False)
+    fit_by_hand(model="two-mass").save("fit", figures=False)
     words = [
         "--speed",
         "15..25:2",

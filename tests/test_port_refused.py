@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from support import ports
-from support.made_fit import table_of
+from support.fit_by_hand import table_of
 
 import fitball
 from fitball import cli

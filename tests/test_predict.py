@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from support.drawn import bars, cut_off, dots
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base import environment
@@ -27,7 +27,7 @@ REBOUND = ("v_x2", "v_y2", "omega_2")
 
 def fit_with_variants(*table, tried=(), **choices):
     """A fit of which these variants were tried."""
-    plain = made_fit(*table, **choices)
+    plain = fit_by_hand(*table, **choices)
     fit = replace(plain, alternatives=tried)
     fit.__dict__["made"] = plain.made
     return fit

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_array_equal, assert_equal
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base.errors import FolderError
 from fitball.saved import files_of_fit
@@ -44,7 +44,7 @@ def plain(fit):
     ],
 )
 def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
-    fit = made_fit(table, **options)
+    fit = fit_by_hand(table, **options)
     again = files_of_fit.read(written(fit, tmp_path) / "fit.json")
     assert_equal(plain(again), plain(fit))
     assert files_of_fit.key_of(tmp_path) == fit.run.key
@@ -54,7 +54,7 @@ def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
 
 
 def test_other_libraries_read_draws_and_measurements(tmp_path):
-    fit = made_fit()
+    fit = fit_by_hand()
     place = written(fit, tmp_path) / "fit.nc"
     with xarray.open_dataset(place, group="posterior", engine="h5netcdf") as draws:
         values = fit.posterior.values
@@ -83,7 +83,7 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
     ],
 )
 def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
-    place = written(made_fit(), tmp_path) / name
+    place = written(fit_by_hand(), tmp_path) / name
     assert before in place.read_bytes()
     place.write_bytes(place.read_bytes().replace(before, after, 1))
     with pytest.raises(FolderError) as caught:
@@ -94,7 +94,7 @@ def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
 
 @pytest.mark.parametrize("part", ["status", "adequacy"])
 def test_a_fit_with_other_fields_is_refused_too(tmp_path, part):
-    place = written(made_fit(), tmp_path)
+    place = written(fit_by_hand(), tmp_path)
     content = json.loads((place / "fit.json").read_text()) | {part: [1]}
     content["digest"] = files_of_fit._digest(content, (place / "fit.nc").read_bytes())
     (place / "fit.json").write_text(json.dumps(content))

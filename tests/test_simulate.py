@@ -5,7 +5,7 @@ figure.
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.models.types import regime_name
@@ -64,7 +64,7 @@ def test_phases_are_those_of_the_rebound_and_change_where_slip_ends():
 
 
 def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
-    fit = made_fit(table_of(36, ("clay", "hard")), model="two-mass")
+    fit = fit_by_hand(table_of(36, ("clay", "hard")), model="two-mass")
     result = fitball.simulate(fit, impact=IMPACT, level={"surface": "Hard"})
     frame = result.frames["history"]
     outcome = result.frames["outcome"].set_index("quantity")
@@ -90,13 +90,13 @@ def test_bands_are_quantiles_of_draws_at_shares_of_their_own_contact():
     assert "extrapolated" not in {note.code for note in result.notes}
     far = fitball.simulate(fit, impact="v_1=60, theta_1=35", level={"surface": "hard"})
     assert "extrapolated" in {note.code for note in far.notes}
-    fixed = made_fit(model="two-mass", fix={"k_y": 2e4})
+    fixed = fit_by_hand(model="two-mass", fix={"k_y": 2e4})
     result = fitball.simulate(fixed, impact=IMPACT)
     assert [note.code for note in result.notes] == ["held"]
 
 
 def test_draws_without_an_answer_are_left_out_and_said():
-    fit = made_fit(model="two-mass")
+    fit = fit_by_hand(model="two-mass")
     ratio = fit.draws.values["mass_ratio"]
     rng = np.random.default_rng(2)
     for share, banded in ((0.3, True), (0.7, False)):
@@ -129,7 +129,7 @@ def test_the_figure_shows_the_courses(case):
             kind = "two-mass+normal=total"
             frame = table_of(12, drop=True)
             impact = "v_y1=7"
-        fit = made_fit(frame, model=kind, sampled=case != "point")
+        fit = fit_by_hand(frame, model=kind, sampled=case != "point")
         result = fitball.simulate(fit, impact=impact)
     figure = draw_styled(result._layout.figures()["history"])
     assert image_bytes(figure).startswith(b"\x89PNG")

@@ -6,7 +6,7 @@ from inspect import signature
 from unittest.mock import Mock, sentinel
 
 import pytest
-from support.made_fit import made_fit, table_of
+from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball import verbs
@@ -23,7 +23,7 @@ AS_READ = {"columns": {"v_1": "v"}, "flip": ["omega_1"], "ignore": ["omega_2"]}
 
 @pytest.fixture(scope="module")
 def fit():
-    return made_fit()
+    return fit_by_hand()
 
 
 def replaced(monkeypatch, address, answer=NOTHING):
@@ -124,7 +124,7 @@ def test_simulate_hands_on_all_and_has_its_page(fit, monkeypatch):
 
 
 def test_compare_of_a_fit_hands_on_all_and_has_its_page(monkeypatch):
-    fit = made_fit()
+    fit = fit_by_hand()
     seeded = replace(fit.run, effort=Effort(seed=7))
     fit = replace(fit, run=seeded)
     room = replaced(monkeypatch, "fitball.uses.compare.compare")
@@ -212,7 +212,7 @@ def test_batch_hands_on_all(all_files, drawn, monkeypatch, tmp_path):
 
 
 def test_what_did_not_converge_has_exit_code_1():
-    fit = made_fit(table_of(12))
+    fit = fit_by_hand(table_of(12))
     assert fit.exit_code == 0
     assert replace(fit, status="not converged").exit_code == 1
     record = rows.record_of("a", fit)

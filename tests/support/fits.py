@@ -16,13 +16,13 @@ NOISE = {"v_x_sd": 0.2, "v_y_sd": 0.15, "spin_sd": 6.0}
 
 
 def at(problem, x):
-    """A point fit at coordinates (free,)."""
-    values = {name: float(one[0]) for name, one in problem.values(x[None]).items()}
+    """A point fit at coordinates (coordinates,)."""
+    values = {name: float(draws[0]) for name, draws in problem.values(x[None]).items()}
     return PointFit((values,), (0.0,), 0.0, {})
 
 
 def best(problem, start=None):
-    """Coordinates of the maximum near the truth or a start."""
+    """The coordinates (coordinates,) of the maximum near the truth or a start."""
     x, _, converged = descend(
         Objective(problem),
         near(problem, 1, 0.0) if start is None else start[None],
@@ -41,7 +41,7 @@ def bounded(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="uniform(0, 1)"):
 
 
 def drops_of(function, speeds, y, **choices):
-    """A problem of a model of vertical speeds."""
+    """The problem of drops at vertical speeds [m/s] and rebounds y, by a function as model."""
     table = made(
         {
             "v_x1": 0.0 * speeds,

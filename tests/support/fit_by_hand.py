@@ -30,11 +30,11 @@ PACE = ParameterSpec("court_pace", "", 0.0, 100.0, "", "ITF court pace rating, a
 VERDICTS = ("given", "identified", "prior-dominated", "one-sided", "conditional")
 
 
-class MadeFit(Fit):
-    """The fields of a fit; `made` has problem and draws."""
+class FitByHand(Fit):
+    """A fit with the fields of a real one; `built` has its problem and draws."""
 
-    problem = property(lambda self: self.made.problem)
-    draws = property(lambda self: self.made.draws)
+    problem = property(lambda self: self.built.problem)
+    draws = property(lambda self: self.built.draws)
     all = property(lambda self: [*self.parameters.values(), *self.derived.values()])
     variants = cached_property(
         lambda self: frames.variants_frame(self.all, self.alternatives, self.constants)
@@ -53,8 +53,8 @@ class MadeFit(Fit):
     def quantity(self, name):
         if name == PACE.name:
             return Quantity(PACE, lambda values: 44.0 + next(iter(values.values())))
-        known = {one.spec.name: one.spec for one in self.problem.parameters}
-        return Quantity(known[name], lambda values: values[name])
+        specs = {parameter.spec.name: parameter.spec for parameter in self.problem.parameters}
+        return Quantity(specs[name], lambda values: values[name])
 
 
 TRUTH = {
@@ -74,11 +74,11 @@ def table_of(count=24, surfaces=(), ids=None, drop=False, scatter=1.0):
     spin = rng.uniform(-200.0, 200.0, count)
     still = 0.0 if drop else 1.0
     states = fitball.impacts(still * speed * np.cos(angle), speed * np.sin(angle), still * spin)
-    made = fitball.model("grip-slip").rebound(TRUTH, states)
+    rebound = fitball.model("grip-slip").rebound(TRUTH, states)
     table = {"id": ids or [str(k + 1) for k in range(count)], "v_y1": states.v_y1}
     table |= {} if drop else {"v_x1": states.v_x1, "omega_1": states.omega_1}
     for name, noise in (("v_y2", 0.3), *(() if drop else (("v_x2", 0.3), ("omega_2", 6.0)))):
-        table[name] = getattr(made, name) + scatter * noise * rng.standard_normal(count)
+        table[name] = getattr(rebound, name) + scatter * noise * rng.standard_normal(count)
     surface = {"surface": [surfaces[k % len(surfaces)] for k in range(count)]} if surfaces else {}
     return pd.DataFrame(table | surface)
 
@@ -187,7 +187,7 @@ def alternatives_of(main):
     )
 
 
-def made_fit(
+def fit_by_hand(
     frame=None,
     *,
     scene=None,
@@ -205,7 +205,11 @@ def made_fit(
     problem = build_problem(replace(table, name=name), scene, Choices(model, **choices))
     values, point = drawn_values(problem, sampled)
     estimates = estimates_of(problem, values, point)
-    main = [one for one in estimates.values() if one.kind != "noise" and one.verdict != "fixed"]
+    main = [
+        estimate
+        for estimate in estimates.values()
+        if estimate.kind != "noise" and estimate.verdict != "fixed"
+    ]
     columns = [observable.column.name for observable in problem.observables]
     posterior = None
     diagnostics = None
@@ -216,7 +220,7 @@ def made_fit(
         sd = estimate.sd if sampled else 0.05 * (abs(estimate.point) + 0.01)
         profiles[estimate.name] = profile_of(estimate, sd)
     effort = Effort(point_only=not sampled)
-    fit = MadeFit(
+    fit = FitByHand(
         Run(problem.table, scene, problem.choices, effort, problem.prior_texts, "", "3.0", "0"),
         "converged" if sampled else "point only",
         name,
@@ -230,15 +234,23 @@ def made_fit(
         profiles,
         adequacy_of(answer, columns),
         alternatives_of(main),
-        (schema.Constant("ball_radius", 0.0327, 0.0343, {one.name: 0.5 for one in main}),),
+        (
+            schema.Constant(
+                "ball_radius",
+                0.0327,
+                0.0343,
+                dict.fromkeys((estimate.name for estimate in main), 0.5),
+            ),
+        ),
         {},
     )
     best = {name: np.array([number]) for name, number in point.items()}
-    fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=Draws(point, values, best))
+    fit.__dict__["built"] = SimpleNamespace(problem=problem, draws=Draws(point, values, best))
     return fit
 
 
-def _estimate(spec, known, kind, prior, verdict, rests=()):
+def _estimate(spec, summary, kind, prior, verdict, rests=()):
+    """An estimate with the numbers of a summary."""
     about = {
         "name": spec.name,
         "kind": kind,
@@ -253,9 +265,11 @@ def _estimate(spec, known, kind, prior, verdict, rests=()):
         "rule": "toy",
         "given": rests,
     }
-    return schema.Estimate(**asdict(known), **about, reason=f"reason of {spec.name}")
+    return schema.Estimate(**asdict(summary), **about, reason=f"reason of {spec.name}")
 
 
-def _shifted(one, sds):
-    ends = (one.point, one.median, 0.0, one.q025, one.q16, one.q84, one.q975)
-    return schema.Summary(*(end + sds * one.half for end in ends))
+def _shifted(estimate, sds):
+    """The summary of an estimate moved by so many of its sds."""
+    names = ("point", "median", "q025", "q16", "q84", "q975")
+    moved = {name: getattr(estimate, name) + sds * estimate.half for name in names}
+    return schema.Summary(**moved, sd=sds * estimate.half)
