@@ -311,11 +311,11 @@ def _change(rows: DataFrame, base: Outputs, outputs: Outputs) -> dict[str, float
     """Rms changes of outputs (147,) from the `base`, and the number of rows that agree with print.
     Outputs that `outputs` lacks are those of the `base`.
     """
-    slips_mended = {**base, **outputs}
+    without_slip = {**base, **outputs}
     changes: dict[str, float] = {}
     for name in ("v_x2", "v_y2", "omega_2"):
-        changes[head_of(name)] = math.sqrt(np.nanmean((slips_mended[name] - base[name]) ** 2))
+        changes[head_of(name)] = math.sqrt(np.nanmean((without_slip[name] - base[name]) ** 2))
     errors = {}
     for name in SCALES:
-        errors[f"{name}_error"] = 100.0 * (slips_mended[name] / rows[head_of(name)] - 1.0)
+        errors[f"{name}_error"] = 100.0 * (without_slip[name] / rows[head_of(name)] - 1.0)
     return {**changes, "rows within 0.1 %": count_within(rows.assign(**errors), COUNTED_LIMITS[0])}

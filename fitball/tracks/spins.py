@@ -163,7 +163,8 @@ def _optima(
     """Angles at time zero and spins of the highest optima of the periodogram of angles (frames,) on
     a grid of spins, the highest first.
     """
-    waves = np.exp(1j * fold * (phi - np.multiply.outer(grid, time))).sum(axis=1)
+    unturned = phi - np.multiply.outer(grid, time)
+    waves = np.exp(1j * fold * unturned).sum(axis=1)
     power = np.abs(waves)
     edge = np.concatenate([[-1.0], power, [-1.0]])
     is_peak = (power >= edge[:-2]) & (power > edge[2:])
@@ -259,10 +260,10 @@ def pairs_of(
     fold = impact.track.fold
     spin_sd = assumed.spin_sd
     use_1, use_2 = impact.turning()
-    before = lines_of_angles(
-        impact.t[use_1] - p[T1], impact.phi[use_1], fold, sd, outliers, spin_sd
-    )
-    after = lines_of_angles(impact.t[use_2] - p[T2], impact.phi[use_2], fold, sd, outliers, spin_sd)
+    t_1 = impact.t[use_1] - p[T1]
+    t_2 = impact.t[use_2] - p[T2]
+    before = lines_of_angles(t_1, impact.phi[use_1], fold, sd, outliers, spin_sd)
+    after = lines_of_angles(t_2, impact.phi[use_2], fold, sd, outliers, spin_sd)
     candidates = list[tuple[float, float, SpinPair]]()
     for line_1, line_2 in product(before, after):
         for pair in _turns(line_1, line_2, p[T2] - p[T1], fold):
