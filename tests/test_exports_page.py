@@ -189,7 +189,7 @@ def test_a_stated_contact_time_is_evidence_beside_the_impacts(monkeypatch):
 
 
 def test_of_too_many_numbers_every_kth_step_is_kept(fit, monkeypatch):
-    monkeypatch.setattr("fitball.exports.arviz.MOST_NUMBERS", 3000)
+    monkeypatch.setattr("fitball.exports.arviz.MOST_TREE_NUMBERS", 3000)
     thinned = fit.to_datatree()["posterior"]
     assert thinned.sizes["draw"] == 9
     k = fit.posterior.names.index("e_x")

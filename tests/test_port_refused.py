@@ -37,8 +37,10 @@ def sliding(v_x1, v_y1, omega_1, ball, mu="lognormal(0.5, 0.5)", cor_10="uniform
 
 def brody_rows(rows, *others):
     """A batch of the toy: that of grip-slip without its other two parameters."""
-    none = np.zeros((len(rows), 1))
-    return GripSlip.batch(np.hstack([rows[:, :1], none, none, rows[:, 1:]]), *others)
+    none = np.zeros((len(rows), 2))
+    friction = rows[:, :1]
+    all_columns = np.hstack([friction, none, rows[:, 1:]])
+    return GripSlip.batch(all_columns, *others)
 
 
 class Toy(KernelSolver):
@@ -52,14 +54,18 @@ class Toy(KernelSolver):
 
 
 def toy(name, text, ball, tangential, _options):
-    solver = Toy((0, 0, 0, 0, 0, 0), (0.0, 0.0, 0.0))
-    return Model(name, text, ball, {}, tuple(SPECS[key] for key in COLUMNS[:3]), solver, tangential)
+    flags = (0,) * 6
+    absent = (0.0,) * 3
+    parameters = tuple(SPECS[key] for key in COLUMNS[:3])
+    solver = Toy(flags, absent)
+    return Model(name, text, ball, {}, parameters, solver, tangential)
 
 
 @pytest.fixture
 def shipped(monkeypatch):
     """A shipped model without a port, by name."""
-    monkeypatch.setattr(registry, "MODELS", {**registry.MODELS, "toy": registry.Entry(toy)})
+    models = {**registry.MODELS, "toy": registry.Entry(toy)}
+    monkeypatch.setattr(registry, "MODELS", models)
     return "toy"
 
 
@@ -121,15 +127,15 @@ def sliding_ball(
 def test_a_model_with_a_row_of_fronts_has_a_port(shipped, monkeypatch):
     monkeypatch.setitem(offered.FRONTS, Toy, offered.Front(sliding_ball, lambda _flags: False))
     fix = {"mu": 0.5, "cor_10": 0.7, "cor_slope": -0.01}
-    (text,) = fitball.export(model=shipped, fix=fix, to="python").contents.values()
+    exported = fitball.export(model=shipped, fix=fix, to="python")
+    (text,) = exported.contents.values()
     port = ports.module(text)
     assert port.self_test() < 1e-12
     bounced = port.rebound(20.0, 10.0, 30.0, port.BALL)
-    brody = fitball.model("brody").rebound(fix, fitball.impacts([20.0], [10.0], [30.0]))
-    assert bounced[:3] == pytest.approx(
-        (brody.v_x2[0], brody.v_y2[0], brody.omega_2[0]),
-        rel=1e-12,
-    )
+    impact = fitball.impacts(20.0, 10.0, 30.0)
+    brody = fitball.model("brody").rebound(fix, impact)
+    wanted = (brody.v_x2[0], brody.v_y2[0], brody.omega_2[0])
+    assert bounced[:3] == pytest.approx(wanted, rel=1e-12)
 
 
 @pytest.mark.parametrize("form", sorted(PORTED - {"golden"}))

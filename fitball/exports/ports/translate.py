@@ -82,10 +82,10 @@ def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
     for node in body:
         match node:
             case ast.AugAssign(target=ast.Name(id=name)):
-                yield _stored(name, ast.BinOp(ast.Name(name, ast.Load()), node.op, node.value))
+                yield _stored(name, ast.BinOp(_read(name), node.op, node.value))
             case ast.Assign(targets=[ast.Name(id=first), ast.Name(id=other)]):
                 yield _stored(other, node.value)
-                yield _stored(first, ast.Name(other, ast.Load()))
+                yield _stored(first, _read(other))
             case ast.Assign(
                 value=ast.IfExp(test=test, body=ast.Tuple(elts=yes), orelse=ast.Tuple(elts=no))
             ):
@@ -114,7 +114,7 @@ def _several(targets: Sequence[ast.expr], values: Sequence[ast.expr]) -> Iterato
     if _names(targets) & _names(values):
         held = [f"{ast.unparse(target)}_now" for target in targets]
         yield from map(_stored, held, values)
-        values = [ast.Name(name, ast.Load()) for name in held]
+        values = [_read(name) for name in held]
     for target, value in zip(targets, values, strict=True):
         yield _stored(ast.unparse(target), value)
 
@@ -125,20 +125,29 @@ def _unpacked(targets: Sequence[ast.expr], value: ast.expr) -> Iterator[ast.stmt
     held = "_".join(["of", *names])
     yield _stored(held, value)
     for number, target in enumerate(targets):
-        field = ast.Subscript(ast.Name(held, ast.Load()), ast.Constant(number), ast.Load())
+        field = ast.Subscript(_read(held), ast.Constant(number), ast.Load())
         yield _stored(ast.unparse(target), field)
 
 
+def _read(name: str) -> ast.Name:
+    """A variable where it is read."""
+    return ast.Name(name, ast.Load())
+
+
 def _stored(name: str, value: ast.expr) -> ast.Assign:
+    """The assignment of a value to a variable."""
     return ast.Assign([ast.Name(name, ast.Store())], value)
 
 
 def _names(nodes: Iterable[ast.AST]) -> set[str]:
+    """The names that stand in syntax trees."""
     return {node.id for top in nodes for node in ast.walk(top) if isinstance(node, ast.Name)}
 
 
 def _refused(node: ast.AST) -> UnportableError:
-    return UnportableError(f"no translation of: {ast.unparse(ast.fix_missing_locations(node))}")
+    """An error for a construct that has no translation, not yet raised."""
+    text = ast.unparse(ast.fix_missing_locations(node))
+    return UnportableError(f"no translation of: {text}")
 
 
 class _UnknownYetError(UnportableError):
