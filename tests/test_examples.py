@@ -93,7 +93,8 @@ def members(cls):
     for name in dir(cls):
         member = inspect.getattr_static(cls, name)
         member = getattr(member, "__func__", member)
-        ours = cls.__module__.startswith("fitball.") and not name.startswith("_")
+        home = next(base for base in cls.__mro__ if name in vars(base))
+        ours = home.__module__.startswith("fitball.") and not name.startswith("_")
         if ours and (inspect.isfunction(member) or isinstance(member, property | cached_property)):
             yield name, member
 

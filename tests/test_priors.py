@@ -292,6 +292,50 @@ def test_both_ends_of_a_beta_prior_have_their_digits():
     assert high == pytest.approx(-low, rel=1e-6)
 
 
+def test_draws_of_a_beta_prior_are_finite_where_the_value_rounds_to_one():
+    prior = prior_of("beta(1e6, 0.5)", 0.0, 1.0)
+    shares = np.concatenate(
+        [[1.0 - 1e-5, 1.0 - 1e-9], np.random.default_rng(1).uniform(size=10**6)]
+    )
+    assert np.any(prior.quantile(shares) == 1.0)
+    q = prior.coordinate_quantile(shares)
+    assert np.all(np.isfinite(prior.log_density(q)))
+    # Near its end 1 - x is chi-square with one degree of freedom, over twice the first number.
+    exact = -np.log(stats.chi2(1).ppf([1e-5, 1e-9]) / 2e6)
+    assert_allclose(q[:2], exact, rtol=1e-6)
+
+
+@every_family
+def test_draws_of_other_families_are_the_coordinates_of_their_values(text, lower, upper, law):
+    prior = prior_of(text, lower, upper)
+    q = prior.coordinate_quantile(SHARES)
+    through_value = prior.coordinate(prior.quantile(SHARES))
+    if text.startswith("beta"):
+        assert_allclose(q, through_value, rtol=1e-9, atol=1e-12)
+    else:
+        assert_array_equal(q, through_value)
+
+
+@pytest.mark.parametrize(
+    ("text", "lower", "upper", "low", "high"),
+    [
+        ("loguniform(1, 1000)", 3.0, 100.0, 3.0, 100.0),
+        ("loguniform(0.3, 0.7)", 0.1, 5.0, 0.3, 0.7),
+        ("lognormal(0.6, 0.4)", 0.0, 5.0, 0.0, 5.0),
+        ("gamma(3, 1e-3)", 2e-3, 4e-3, 2e-3, 4e-3),
+        ("beta(2, 5)", 0.1, 0.4, 0.1, 0.4),
+        ("half-t(0.2, 4)", -1.0, 0.7, 0.0, 0.7),
+        ("uniform(-1, 0.3)", 0.1, 1.0, 0.1, 0.3),
+    ],
+)
+def test_the_whole_of_a_density_lies_within_its_limits(text, lower, upper, low, high):
+    prior = prior_of(text, lower, upper)
+    assert prior.limits == (low, high)
+    ends = prior.quantile(np.array([0.0, 1.0]))
+    assert low <= ends[0] < ends[1] <= high
+    assert_allclose(ends, (low, high), rtol=4e-16 if text.startswith("log") else 1e-12)
+
+
 def test_a_page_says_how_each_family_is_written():
     page = (Path(__file__).parent.parent / "docs" / "reference.md").read_text(encoding="utf-8")
     assert [f.form for f in FAMILIES.values() if f"`{f.form}`" not in page] == []

@@ -129,6 +129,14 @@ def test_files_alone_have_no_frames_and_refuse_figures():
     assert caught.value.code == "unknown-figure"
 
 
+def test_a_result_without_figures_says_so():
+    with pytest.raises(ParameterError) as caught:
+        Frames(Findings({}), Page(report)).plot("x")
+    assert caught.value.code == "unknown-figure"
+    assert "none" in str(caught.value)
+    assert "known:" not in str(caught.value)
+
+
 def test_a_figure_by_its_name_is_the_same_file_each_time_and_outside_of_pyplot():
     import matplotlib.pyplot as plt
 

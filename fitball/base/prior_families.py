@@ -31,8 +31,9 @@ QUANTILES = 1000
 
 @dataclass(frozen=True)
 class Prior(ABC):
-    """A density in a coordinate, truncated to [`lower`, `upper`] there, of the `numbers` that its
-    `text` has as written; `source` is where it was published.
+    """A density in a coordinate, truncated there to [`lower`, `upper`], which are `limits` in SI.
+
+    It has the `numbers` of its `text`, as written; `source` is where it was published.
 
     A family has a `form`, how it is written; its `coordinate_kind`; `flat` where it has no slope,
     `normal` where it is a normal density in the coordinate; and `whole`, the share of `cdf` that it
@@ -50,6 +51,7 @@ class Prior(ABC):
     lower: float
     upper: float
     source: str = ""
+    limits: tuple[float, float] = (-math.inf, math.inf)
 
     @classmethod
     @abstractmethod
@@ -57,10 +59,15 @@ class Prior(ABC):
         """What the numbers, each of a size that can be squared, should be and are not; else ""."""
 
     @classmethod
-    def support(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
-        """The ends of the density in its coordinate, before the bounds of a parameter."""
+    def span(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
+        """The ends of the density in SI, before the bounds of a parameter."""
         del numbers
         return -math.inf, math.inf
+
+    @classmethod
+    def support(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
+        """The ends of the density in its coordinate, before the bounds of a parameter."""
+        return cls.span(numbers)
 
     @property
     @abstractmethod
@@ -116,7 +123,14 @@ class Prior(ABC):
             # A parameter that may be zero has a logarithm without lower end.
             ends = kind.of(np.clip([lower, upper], kind.lower, kind.upper))
         low, high = cls.support(numbers)
-        return cls(text, numbers, max(float(ends[0]), low), min(float(ends[1]), high))
+        least, largest = cls.span(numbers)
+        return cls(
+            text,
+            numbers,
+            max(float(ends[0]), low),
+            min(float(ends[1]), high),
+            limits=(max(lower, least), min(upper, largest)),
+        )
 
     @property
     def log(self) -> bool:
@@ -171,10 +185,24 @@ class Prior(ABC):
         return low, high
 
     def quantile(self, shares: FloatArray) -> FloatArray:
-        """In SI; draws are quantiles of uniform shares."""
+        """Values in SI, of any shape, below which these shares of the truncated density lie, none
+        beyond its limits.
+        """
+        # The way back from the coordinate may step over a limit by one rounding.
+        return np.clip(self.value(self._truncated_ppf(shares)), *self.limits)
+
+    def coordinate_quantile(self, shares: FloatArray) -> FloatArray:
+        """Coordinates, of any shape, below which these shares of the truncated density lie: draws
+        are those of uniform shares.
+        """
+        # By the value, whose rounding the draws of a seed have always had.
+        return self.coordinate(self.quantile(shares))
+
+    def _truncated_ppf(self, shares: FloatArray) -> FloatArray:
+        """Coordinates below which these shares of the truncated density lie, of any shape."""
         q = self.ppf(self._ends[0] + shares * self.mass)
-        # Rounding may step over a bound; shares of zero and one are bounds.
-        return self.value(np.clip(q, self.lower, self.upper))
+        # Rounding may step over a bound.
+        return np.clip(q, self.lower, self.upper)
 
     def even_values(self) -> FloatArray:
         """Values in SI at evenly spaced quantiles."""
@@ -289,7 +317,7 @@ class Uniform(Bell):
         return "" if numbers[0] < numbers[1] else "with lower < upper"
 
     @classmethod
-    def support(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
+    def span(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
         """Between both numbers."""
         return numbers[0], numbers[1]
 
@@ -328,52 +356,39 @@ class LogUniform(Uniform):
         return math.log(numbers[0]), math.log(numbers[1])
 
 
-class HalfNormal(Bell):
+class Half(Prior):
+    """The upper half of a density about zero: its first number is its scale."""
+
+    # `cdf` is that of both sides.
+    whole = 0.5
+    location = 0.0
+
+    @classmethod
+    def fault(cls, numbers: tuple[float, ...]) -> str:
+        return "" if min(numbers) > 0.0 else "with a positive width, all positive"
+
+    @classmethod
+    def span(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
+        """From zero."""
+        del numbers
+        return 0.0, math.inf
+
+    @property
+    def width(self) -> float:
+        """The scale."""
+        return self.numbers[0]
+
+
+class HalfNormal(Half, Bell):
     """A size that may be zero and is hardly larger than a scale."""
 
     form = "half-normal(scale)"
-    # `cdf` is that of both sides.
-    whole = 0.5
-    location = 0.0
-
-    @classmethod
-    def fault(cls, numbers: tuple[float, ...]) -> str:
-        return "" if min(numbers) > 0.0 else "with a positive width, all positive"
-
-    @classmethod
-    def support(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
-        """From zero."""
-        del numbers
-        return 0.0, math.inf
-
-    @property
-    def width(self) -> float:
-        """The scale."""
-        return self.numbers[0]
 
 
-class HalfT(Prior):
+class HalfT(Half):
     """A size that may be zero, is probably no larger than a scale, and may be much larger."""
 
     form = "half-t(scale, degrees of freedom)"
-    # `cdf` is that of both sides.
-    whole = 0.5
-    location = 0.0
-
-    @classmethod
-    def fault(cls, numbers: tuple[float, ...]) -> str:
-        return "" if min(numbers) > 0.0 else "with a positive width, all positive"
-
-    @classmethod
-    def support(cls, numbers: tuple[float, ...]) -> tuple[float, float]:
-        """From zero."""
-        del numbers
-        return 0.0, math.inf
-
-    @property
-    def width(self) -> float:
-        """The scale."""
-        return self.numbers[0]
 
     @property
     def peak(self) -> float:
@@ -552,6 +567,10 @@ class Beta(Prior):
             # Each end from its own side keeps the digits there.
             above = betaincinv(b, a, 1.0 - shares)
             return np.asarray(np.log(betaincinv(a, b, shares)) - np.log(above))
+
+    def coordinate_quantile(self, shares: FloatArray) -> FloatArray:
+        # Not by the value: one that rounds to 1 has a finite logit all the same.
+        return self._truncated_ppf(shares)
 
 
 # By the name with which it is written.

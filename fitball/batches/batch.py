@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from fitball.base.errors import suggestion
@@ -12,9 +13,9 @@ from fitball.results.result import Result
 from fitball.saved import files_of_fit
 
 
-class Batch(Batched, Result):
-    """Many tables, each fitted on its own: `batch[name]` is the fit of a table. `failed` says why
-    tables could not be fitted; `population(name)` compares a quantity over tables.
+class Batch(Batched, Result, Mapping[str, Fit]):
+    """Many tables, each fitted on its own: a mapping from names of tables to fits, without those
+    that `failed`, which says why. `population(name)` compares a quantity over tables.
 
     Example:
         >>> import tempfile
@@ -52,6 +53,12 @@ class Batch(Batched, Result):
 
         return PAGE.of(self)
 
+    def __iter__(self) -> Iterator[str]:
+        return iter([name for name in self.tables.index if name not in self.failed])
+
+    def __len__(self) -> int:
+        return len(self.tables) - len(self.failed)
+
     def __getitem__(self, name: str) -> Fit:
         """The fit of a table, read from its folder.
 
@@ -59,7 +66,7 @@ class Batch(Batched, Result):
             KeyError: there is no such table, or it could not be fitted, with the reason.
         """
         if name not in self.tables.index:
-            raise KeyError(f"{name}: {suggestion(name, self.tables.index)}")
+            raise KeyError(f"{name}: {suggestion(str(name), self.tables.index)}")
         if name in self.failed:
             raise KeyError(f"{name}: {self.failed[name]}")
         return Fit.of(files_of_fit.read(self.folder / name, self.own))

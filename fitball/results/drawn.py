@@ -9,6 +9,7 @@ from typing import Literal
 
 from fitball.base.errors import Note
 from fitball.base.files import WAIT, ResultFolder, result_folder
+from fitball.base.text import listed
 from fitball.base.values import DataFrame
 from fitball.report.page import Layout
 from fitball.report.plotted import PAGE, Plotted
@@ -16,11 +17,14 @@ from fitball.report.style import image_bytes
 from fitball.results.result import Result
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drawn(Result):
     """Figures of a fit as files; its numbers are those of the fit."""
 
     plotted: Plotted
+
+    def __repr__(self) -> str:
+        return f"<Drawn: {listed(self.names, most=20)}, as {self.plotted.form}>"
 
     @property
     def notes(self) -> tuple[Note, ...]:  # type: ignore[override]

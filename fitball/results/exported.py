@@ -14,7 +14,7 @@ from fitball.base.values import DataFrame, Figure
 from fitball.results.result import Result
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Exported(Result):
     """Files by name; `save` writes them alone, and without a folder the command line prints the
     text.
@@ -23,6 +23,9 @@ class Exported(Result):
     record: ClassVar[str] = ""
     contents: Mapping[str, str | bytes]
     notes: tuple[Note, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Exported: {listed(self.contents)}>"
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:

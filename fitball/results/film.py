@@ -15,6 +15,7 @@ class Film(Filmed, Result):
     """
 
     record: ClassVar[str] = "impacts.csv"
+    __repr__ = Result.__repr__
 
     @classmethod
     def of(cls, filmed: Filmed) -> Film:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, ForwardRef
 
 from fitball.base.options import Names, Pairs, Watch, names_of
@@ -23,6 +24,10 @@ class Fit(Fitted, Result):
     """
 
     record: ClassVar[str] = "fit.json"
+
+    def __getstate__(self) -> dict[str, object]:
+        # What is stored. The rest is computed again when asked for, and cannot all be pickled.
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def of(cls, fitted: Fitted) -> Fit:

@@ -11,6 +11,8 @@ from typing import Any, ClassVar, Literal
 from fitball.base.errors import Note, ParameterError, suggestion
 from fitball.base.files import ResultFolder, csv_bytes, result_folder, with_index
 from fitball.base.findings import Findings
+from fitball.base.numbers import counted
+from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Report
 from fitball.report.page import Layout, Page
@@ -23,6 +25,10 @@ class Result:
 
     record: ClassVar[str] = "report.html"
     notes: tuple[Note, ...]
+
+    def __repr__(self) -> str:
+        sizes = (f"{name} ({counted(len(frame), 'row')})" for name, frame in self.frames.items())
+        return f"<{type(self).__name__}: {listed(sizes, most=20)}>"
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
@@ -66,9 +72,8 @@ class Result:
 
         figures = self._layout.figures()
         if name not in figures:
-            raise ParameterError(
-                f"no figure '{name}': {suggestion(name, figures)}", "unknown-figure"
-            )
+            hint = suggestion(name, figures) if figures else "this result has none"
+            raise ParameterError(f"no figure '{name}': {hint}", "unknown-figure")
         return draw_styled(figures[name])
 
     def json(self) -> dict[str, Any]:
@@ -131,7 +136,7 @@ def _rows(frame: DataFrame) -> list[dict[str, Any]]:
     return [{str(head): cell for head, cell in row.items()} for row in rows]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frames(Result):
     """A result that is its frames: findings and their page, as check, compare, predict, plan,
     simulate, rederive and bench return them.
