@@ -13,7 +13,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 import fitball
 from fitball.models.types import regime_name
 from fitball.report.figures import FIGURES, drawable, parameters, predictions, shared
-from fitball.report.quantities import symbol_of
+from fitball.report.quantities import quantity_symbol
 from fitball.report.style import MODEL_COLOUR, MOVED_COLOUR, PRIOR_COLOUR, draw_styled, image_bytes
 
 LONG = "a very long label of a surface that nobody would call short"
@@ -234,7 +234,7 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
 
 def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
     axes = {axis.get_title(loc="left"): axis for axis in figure("forest", fit).axes}
-    axis = axes[symbol_of(fit, "mu")]
+    axis = axes[quantity_symbol(fit, "mu")]
     summary = fit.summary.loc["mu"]
     moved = fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
     colours = {}

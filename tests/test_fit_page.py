@@ -99,7 +99,7 @@ def test_every_quantity_choice_and_impact_appears(fit):
     assert full["mu"]["why"] == "if offset=contact, ball_radius"
     assert full["e_x"]["why"] == ""
     assert full["offset"]["why"] == "reason of offset"
-    assumptions = [re.findall("`(.*?)`", words)[0] for words in fit_words.rests(fit)]
+    assumptions = [re.findall("`(.*?)`", words)[0] for words in fit_words.explanations(fit)]
     assert assumptions == ["offset=contact", "ball_radius"]
     choices = {row["variant"]: row for row in fit_tables.variant_table(fit).rows}
     assert [*choices] == [*dict.fromkeys(fit.variants["choice"])]

@@ -71,7 +71,7 @@ def test_scenes_take_the_same_kinds_of_noise():
 
 
 def test_every_verdict_has_words_and_a_tone():
-    assert {*fit_words.VERDICT_TONES} == {*fit_words._SAID} == {*get_args(Verdict)}
+    assert {*fit_words.VERDICT_TONES} == {*fit_words._VERDICT_WORDS} == {*get_args(Verdict)}
 
 
 def test_a_verb_of_the_recipe_is_reachable(tmp_path):

@@ -55,7 +55,7 @@ def test_a_verb_hands_on_every_option_to_the_fit(verb):
 @pytest.mark.parametrize("verb", ["predict", "plan", "simulate", "plot", "export"])
 def test_a_verb_reads_the_fit_of_a_folder_with_its_model(verb, monkeypatch):
     read = replaced(monkeypatch, "fitball.verbs.load_fit", Mock())
-    replaced(monkeypatch, "fitball.report.plotted.plotted")
+    replaced(monkeypatch, "fitball.report.plotted.choose_figures")
     replaced(monkeypatch, "fitball.exports.export", {})
     needed = {"simulate": {"impact": "v_1=17"}, "export": {"to": "json"}}
     getattr(fitball, verb)("folder", model="mine.py:f", **needed.get(verb, {}))
@@ -74,7 +74,7 @@ def test_export_hands_on_every_option(fit, monkeypatch):
 
 
 def test_plot_hands_on_names_and_format(fit, monkeypatch):
-    room = replaced(monkeypatch, "fitball.report.plotted.plotted")
+    room = replaced(monkeypatch, "fitball.report.plotted.choose_figures")
     assert fitball.plot(fit, "curves,corner", format="svg").plotted is NOTHING
     room.assert_called_once_with(fit, ["curves", "corner"], "svg")
 

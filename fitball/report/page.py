@@ -11,13 +11,15 @@ from fitball.base.values import Figure
 from fitball.report.blocks import Report
 
 Content = TypeVar("Content")
-# By name what draws a figure, and what makes the bytes of a file.
+# Functions by the name of the figure that they draw, and of the file whose bytes they make.
 Figures: TypeAlias = Mapping[str, Callable[[], Figure]]
 Files: TypeAlias = Mapping[str, Callable[[], bytes]]
 
 
 class Layout(NamedTuple):
-    """A page of one content: what makes its report, its figures, and its files besides these."""
+    """A page of certain findings: functions that make its report, its figures, and its files
+    besides these.
+    """
 
     report: Callable[[], Report]
     figures: Callable[[], Figures]
@@ -34,8 +36,8 @@ def _no_files(_content: object) -> Files:
 
 @dataclass(frozen=True)
 class Page(Generic[Content]):
-    """The page of findings of one kind: functions from these to a report, to figures by name and,
-    besides report, figures and frames, to files by name.
+    """The page of findings of one kind. Its functions go from such findings to a report, to figures
+    by name, and to files by name that are neither of these nor frames.
     """
 
     report: Callable[[Content], Report]
@@ -43,7 +45,7 @@ class Page(Generic[Content]):
     files: Callable[[Content], Files] = _no_files
 
     def of(self, content: Content) -> Layout:
-        """The page of these findings; nothing is laid out before it is asked for."""
+        """The page of these findings; nothing is laid out before one of its functions is called."""
         return Layout(
             partial(self.report, content),
             partial(self.figures, content),

@@ -18,7 +18,7 @@ from fitball.report.style import FIGURE_FORMATS
 
 @dataclass(frozen=True, eq=False)
 class Plotted:
-    """Figures `names` of a fit, as files of a `form`."""
+    """Figures `names` of a fit, which are to be files of the format `form`."""
 
     fit: Fitted
     names: tuple[str, ...]
@@ -26,35 +26,40 @@ class Plotted:
     notes: tuple[Note, ...] = ()
 
 
-def plotted(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
-    """The figures `names`, or all that a fit has data for. Raises ParameterError (`format`,
-    `unknown-figure`, `no-such-data`).
+def choose_figures(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
+    """The figures `names` of a fit, or all that it has data for.
+
+    Raises:
+        ParameterError: There is no such format (`format`) or figure (`unknown-figure`), or the fit
+            has no data for it (`no-such-data`).
     """
     if form not in FIGURE_FORMATS:
         raise ParameterError(
             f"format: read '{form}', expected {listed(FIGURE_FORMATS, last='or')}",
             "format",
         )
-    known = drawable(fit)
+    available = drawable(fit)
     for name in names:
         if name not in FIGURES:
             raise ParameterError(
                 f"no figure '{name}': {suggestion(name, FIGURES)}",
                 "unknown-figure",
             )
-        if name not in known:
-            text = f"figure {name}: this fit has no data for it; it has {listed(known, most=20)}"
+        if name not in available:
+            text = (
+                f"figure {name}: this fit has no data for it; it has {listed(available, most=20)}"
+            )
             raise ParameterError(text, "no-such-data")
-    missing = [name for name in FIGURES if name not in known and not names]
+    missing = [name for name in FIGURES if name not in available and not names]
     notes = []
     if missing:
         text = f"This fit has no data for {listed(missing, most=20)}."
         notes.append(Note("not-drawn", text))
-    return Plotted(fit, tuple(dict.fromkeys(names)) or known, form, tuple(notes))
+    return Plotted(fit, tuple(dict.fromkeys(names)) or available, form, tuple(notes))
 
 
 def report(result: Plotted) -> Report:
-    """Which figures there are."""
+    """A report that lists the figures."""
     text = f"{listed(result.names, most=20)}, as {result.form}."
     return Report(
         f"Figures of {result.fit.run.table.name}",
@@ -63,7 +68,7 @@ def report(result: Plotted) -> Report:
 
 
 def figures(result: Plotted) -> Mapping[str, Callable[[], Figure]]:
-    """Those that were asked for."""
+    """Functions that draw the figures, by name."""
     return {name: partial(FIGURES[name].draw, result.fit) for name in result.names}
 
 

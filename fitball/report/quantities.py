@@ -1,4 +1,6 @@
-"""How pages and figures name quantities: unit, symbol, middle."""
+"""How pages and figures show quantities: units, symbols, values, probabilities."""
+
+from typing import Annotated
 
 import numpy as np
 
@@ -11,52 +13,67 @@ from fitball.inference.fitted import Fitted
 
 # Kinds of quantities that a reader asks for; noise, ball and camera come after them.
 MAIN_KINDS = ("model", "level", "derived")
+# Least probability that draws can show, and least distance from one.
+_LEAST_CHANCE = 1e-3
 # Letters of a label in a figure.
-_LABEL = 18
+_LABEL_LETTERS = 18
 # Impacts of the figure of predictions, evenly spread over more.
 MOST_REBOUNDS = 400
-# What is said of the state of an incident ball, and the unit.
+# Units in which the state of an incident ball is shown, by column.
 INCIDENT_UNITS = {"v_1": M_PER_S, "theta_1": DEG, "omega_1": RAD_PER_S}
 
 
 def unit_of(fit: Fitted, name: str) -> Unit:
-    """The unit in which people read a parameter or derived quantity of a fit."""
+    """The unit in which people read a parameter or derived quantity of a fit.
+
+    Raises:
+        ParameterError: The fit has no such quantity (`unknown-quantity`).
+    """
     return fit.quantity(name).spec.display_unit
 
 
 def column_unit(name: str) -> Unit:
-    """The unit in which people read a column."""
+    """The unit in which people read a column of a table of impacts."""
     return COLUMNS[name].display_unit
 
 
-def figure_text(text: str, most: int = _LABEL) -> str:
-    """A text of a table as matplotlib draws it: one line, nothing in it a formula."""
+def figure_text(text: str, most: int = _LABEL_LETTERS) -> str:
+    """A text of a table for a figure: on one line, of at most so many letters, nothing in it a
+    formula.
+    """
     return short(visible(text).replace("\n", " "), most).replace("$", r"\$")
 
 
-def symbol_of(fit: Fitted, name: str, most: int = _LABEL) -> str:
-    """Mathtext of a quantity, with at most so many letters of its level, or the name of one that
-    has no symbol.
+def quantity_symbol(fit: Fitted, name: str, most: int = _LABEL_LETTERS) -> str:
+    """The symbol of a quantity as mathtext, or its name if it has none, with at most so many
+    letters of its level.
+
+    Raises:
+        ParameterError: The fit has no such quantity (`unknown-quantity`).
     """
     base, bracket, level = name.partition("[")
     shown = fit.quantity(name).spec.symbol or figure_text(base.replace("_", " "))
     return f"{shown}, {figure_text(level[:-1], most)}" if bracket else shown
 
 
-def median_or_point(frame: DataFrame) -> FloatArray:
-    """The median of each row (rows,), and what the best fit says where there are no draws."""
+def median_or_point(frame: DataFrame) -> Annotated[FloatArray, "rows"]:
+    """The median of each row of a frame, in SI, or the value of the best fit where there are no
+    draws.
+    """
     point = frame["point"].to_numpy(np.float64)
     median = frame["median"].to_numpy(np.float64)
     return np.where(np.isfinite(median), median, point)
 
 
 def chance(share: float) -> str:
-    """A probability counted among draws, which are never all that there are; empty for NaN."""
-    return percent(float(np.clip(share, 1e-3, 1.0 - 1e-3)))
+    """A probability that was counted among draws, as text. Since draws are never all that there
+    are, it is at least 0.1 % and at most 99.9 %. Empty for NaN.
+    """
+    return percent(float(np.clip(share, _LEAST_CHANCE, 1.0 - _LEAST_CHANCE)))
 
 
 def first_rows(frame: DataFrame) -> DataFrame:
-    """A row an impact of a frame with a row an impact and column."""
+    """Of a frame with a row an impact and column those of its first column: a row an impact."""
     rows: DataFrame = frame[frame["column"] == frame["column"].iloc[0]]
     return rows
 
