@@ -63,13 +63,15 @@ def outlier_tests(fit: Residuals) -> Iterator[PatternTest]:
     studentised = fit.studentised
     for column_index, column in enumerate(fit.first.columns):
         freedom = float(fit.freedom[column_index])
-        # Student's t allows them; in few rows a share of one column is none of its freedom, which
-        # others take up.
-        if freedom <= 2.0 or len(ids) < LEAST_TESTED_ROWS or fit.problem.forward.noise.parameters:
+        # A noise with parameters, Student's t, allows outliers. In few rows the residuals of one
+        # column are not independent of those of others, with which they share a fit.
+        heavy_tailed = bool(fit.problem.forward.noise.parameters)
+        if freedom <= 2.0 or len(ids) < LEAST_TESTED_ROWS or heavy_tailed:
             continue
         measurements = np.flatnonzero(fit.first.column == column_index)
         order = measurements[np.argsort(-np.abs(studentised[measurements]))]
-        most = np.clip(measurements.size // ROWS_PER_OUTLIER, 1, min(MOST_OUTLIERS, freedom - 1.0))
+        allowed = min(MOST_OUTLIERS, freedom - 1.0)
+        most = np.clip(measurements.size // ROWS_PER_OUTLIER, 1, allowed)
         shares = []
         deviations = []
         for k in range(1, int(most) + 1):
@@ -80,7 +82,8 @@ def outlier_tests(fit: Residuals) -> Iterator[PatternTest]:
         far = order[:count]
         direction = np.zeros(fit.scaled.size)
         direction[far] = deviations[count - 1]
-        text = words.outliers(column, [ids[row] for row in fit.first.rows[far]])
+        ids_far_off = [ids[row] for row in fit.first.rows[far]]
+        text = words.outliers(column, ids_far_off)
         yield PatternTest("outlier", column, text, p, direction=direction)
 
 
@@ -90,8 +93,10 @@ def _share_far_off(first: FirstOrder, far: IntArray, others: IntArray) -> tuple[
     """
     residual = first.residual[far]
     basis = first.basis[far]
-    off = np.linalg.pinv(np.eye(far.size) - basis @ basis.T) @ residual
-    of_others = first.residual[others] + first.basis[others] @ (basis.T @ off)
+    remaining = np.eye(far.size) - basis @ basis.T
+    off = np.linalg.pinv(remaining) @ residual
+    shift = basis.T @ off
+    of_others = first.residual[others] + first.basis[others] @ shift
     taken = float(off @ residual)
     rest = float(of_others @ of_others)
     share = taken / (taken + rest) if rest > 0.0 else 0.0
@@ -121,8 +126,10 @@ def growth_test(fit: Residuals) -> Iterator[PatternTest]:
 
     limits = (-STEEPEST_GROWTH, STEEPEST_GROWTH)
     power = float(minimize_scalar(misfit, bounds=limits, method="bounded").x)
-    ratio = (misfit(0.0) - misfit(power)) * fit.freedom.sum() / column.size
-    p = 2.0 * float(ndtr(-np.sqrt(max(ratio, 0.0))))
+    gain = misfit(0.0) - misfit(power)
+    ratio = gain * fit.freedom.sum() / column.size
+    z = np.sqrt(max(ratio, 0.0))
+    p = 2.0 * float(ndtr(-z))
     verb = "increases" if power > 0.0 else "decreases"
     yield PatternTest("growth", "", f"the noise {verb} with v_1", p)
 
@@ -141,8 +148,11 @@ def linked_tests(fit: Residuals) -> Iterator[PatternTest]:
             continue
         a = fit.scaled[of_k[i]]
         b = fit.scaled[of_m[j]]
-        share = min(float(a @ b) ** 2 / float((a @ a) * (b @ b)), FULL_SHARE)
+        together = float(a @ b) ** 2
+        apart = float((a @ a) * (b @ b))
+        share = min(together / apart, FULL_SHARE)
         square = share * (freedom - 1.0) / (1.0 - share)
-        p = 2.0 * float(stdtr(freedom - 1.0, -np.sqrt(square)))
+        t = np.sqrt(square)
+        p = 2.0 * float(stdtr(freedom - 1.0, -t))
         text = f"{first.columns[k]} and {first.columns[m]} deviate together"
         yield PatternTest("linked", "", text, p)
