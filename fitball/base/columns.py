@@ -32,8 +32,9 @@ REBOUND = (
     "gap_path",
     "gap_turn",
 )
-# What laboratories write instead of v_y1 and v_y2 of a drop test; a table has the speeds.
-HEIGHTS = ("drop_height", "rebound_height")
+# What laboratories write instead of speeds of a drop test; a table has the speeds.
+SPEED_OF_HEIGHT = {"drop_height": "v_y1", "rebound_height": "v_y2"}
+HEIGHTS = tuple(SPEED_OF_HEIGHT)
 # The components of the velocity at the ends of the bounce, "1" incident and "2" rebound.
 COMPONENTS: Mapping[str, tuple[str, str]] = {"1": ("v_x1", "v_y1"), "2": ("v_x2", "v_y2")}
 

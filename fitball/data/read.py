@@ -15,15 +15,15 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, HEIGHTS, INCIDENT, REBOUND
+from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.base.itf import GRAVITY
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
+from fitball.data.heights import heights_read, speeds_of_heights
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
@@ -82,7 +82,8 @@ def load_table(
     if rebound and isinstance(source, Path) and "corr" not in ignore:
         _refuse_covariance_file(cells, source)
     numbers_read = _numbers_of(cells, header, flip, ignore)
-    checked = _speeds(cells, checks.limits(cells, numbers_read.columns, header.units))
+    within_limits = checks.limits(cells, numbers_read.columns, header.units)
+    checked = speeds_of_heights(cells, within_limits, scene)
     _check_physics(cells, header, checked, scene, rebound)
     values = _counting_values(checked)
     rows = _usable_rows(cells, values, rebound)
@@ -104,6 +105,7 @@ def load_table(
                 "flip": ",".join(flip),
                 "ignore": ",".join(ignore),
                 "units": _pairs(units),
+                **heights_read(within_limits, scene),
             },
         ),
     )
@@ -344,28 +346,6 @@ def _turned(
         if turned[name] is not flipped[name]:
             signs[name] = -signs.get(name, 1.0)
     return turned, signs
-
-
-def _speeds(cells: TableCells, columns: Columns) -> Columns:
-    """The columns with speeds of free fall, v = sqrt(2 g h), for heights; their sds to first
-    order.
-    """
-    with_speeds = dict(columns)
-    for name, speed in zip(HEIGHTS, ("v_y1", "v_y2"), strict=True):
-        height = with_speeds.pop(name, None)
-        sd = with_speeds.pop(f"{name}_sd", None)
-        if height is None:
-            continue
-        if speed in columns:
-            words = f"says the same as {speed}: leave one of them out (--ignore)"
-            cells.fault("height-and-speed", words, name)
-            continue
-        with_speeds[speed] = np.sqrt(2.0 * GRAVITY * np.abs(height))
-        if sd is not None:
-            with_speeds[f"{speed}_sd"] = GRAVITY * sd / with_speeds[speed]
-        words = f"{name}: {speed} = sqrt(2 g h), without air drag, h at the bottom of the ball"
-        cells.note("heights", words)
-    return with_speeds
 
 
 def _noises(scene: Scene) -> dict[str, float]:

@@ -12,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from fitball.base.air import SLOW_DRAG, Coefficient
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import Fault, InputError, Note, suggestion
 from fitball.base.itf import BALL_TYPES
@@ -113,6 +114,15 @@ class Scene(SceneSection, frozen=True):
             ball = self.ball_value()
             sds["inertia_ratio"] = self.ball.inertia.sd / (ball.mass * ball.radius**2)
         return sds
+
+    def slow_drag(self) -> Coefficient:
+        """The drag coefficient of falls and rises below 15 m/s: as stated in [flight], without an
+        sd where the scene states none; else that of a ball of which nothing was measured.
+        """
+        stated = self.flight.get("drag")
+        if isinstance(stated, ValueWithSd):
+            return Coefficient(stated.value, stated.sd)
+        return SLOW_DRAG if stated is None else Coefficient(stated, 0.0)
 
     def assumed(self) -> tuple[Note, ...]:
         """Notes on what is assumed because nothing was stated."""

@@ -207,10 +207,11 @@ def _numbers_of_curve(
     index = np.tile(problem.rows.index[curve.like], (_POINTS, 1))
     columns = tuple(observable.column.name for observable in problem.observables)
     # What is drawn beside measurements is what the camera of their session shows.
-    camera = problem.camera
-    if camera is not None:
-        camera = camera.take(np.full(_POINTS, curve.like))
-    request = PredictionRequest(_states_along(curve, along), index, columns, camera=camera)
+    like = np.full(_POINTS, curve.like)
+    camera = None if problem.camera is None else problem.camera.take(like)
+    fall = None if problem.fall is None else problem.fall.take(like)
+    states = _states_along(curve, along)
+    request = PredictionRequest(states, index, columns, camera=camera, fall=fall)
     has_draws = bool(len(next(iter(draws.values.values()))))
     best = request.rebounds(forward, draws.best, request.impacts)
     values = draws.values if has_draws else draws.best

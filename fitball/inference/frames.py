@@ -126,7 +126,14 @@ def _fitted_rows(problem: Problem) -> PredictionRequest:
     rows = problem.rows
     columns = tuple(observable.column.name for observable in problem.observables)
     return PredictionRequest(
-        rows.states, rows.index, columns, rows.errors, problem.camera, rows.y, rows.sd
+        rows.states,
+        rows.index,
+        columns,
+        rows.errors,
+        problem.camera,
+        problem.fall,
+        rows.y,
+        rows.sd,
     )
 
 

@@ -21,6 +21,7 @@ from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
+from fitball.inference.problem.fall import DRAG_SPEC, FALL_SPECS, fall_of
 from fitball.inference.problem.joint_prior import Parameter, joint_prior
 from fitball.inference.problem.levels import (
     ALL,
@@ -168,7 +169,9 @@ def build_problem(
     gaps = {observable.column.gap for observable in observables}
     camera, camera_specs = camera_of(table, scene.camera, named, gaps, notes)
     uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
+    fall = fall_of(table, scene)
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | camera_specs
+    specs |= FALL_SPECS if fall is not None else {}
     specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in uncertain}
     timed = scene.contact_time is not None
     timed = timed or any(observable.column.timed for observable in observables)
@@ -199,6 +202,7 @@ def build_problem(
         observables=observables,
         rows=rows,
         camera=camera,
+        fall=fall,
         contact_time=None if time is None else (time.value, time.sd),
         notes=(*_assumptions(scene, choices, free_bases, timed), *notes),
         prior_texts=texts,
@@ -351,6 +355,9 @@ def _settings(
     for name in specs:
         if (key := name.partition("[")[0]) in CAMERA_SPECS and scene.camera is not None:
             numbers[name] = getattr(scene.camera, key)
+    if DRAG_SPEC.name in specs:
+        drag = scene.slow_drag()
+        numbers[DRAG_SPEC.name] = ValueWithSd(*drag) if drag.sd else drag.value
     for name, number in numbers.items():
         if isinstance(number, ValueWithSd):
             settings[name] = f"normal({number.value:.10g}, {number.sd:.10g})"
@@ -463,7 +470,8 @@ def _parameters_of_problem(
         if value is not None and not lower <= value <= spec.upper:
             wanted = f"expected {lower:g} to {spec.upper:g} {spec.unit}".rstrip()
             raise ParameterError(f"read {name} = {value:g}; {wanted}", "out-of-bounds")
-        measured = name in BALL_PARAMETERS or name.partition("[")[0] in CAMERA_SPECS
+        constants = {*BALL_PARAMETERS, *CAMERA_SPECS, *FALL_SPECS}
+        measured = name.partition("[")[0] in constants
         parameters.append(Parameter(spec, prior, value, why, measured))
     return parameters, level_priors, texts
 

@@ -142,25 +142,6 @@ class CameraModel(NamedTuple):
         return Rebound(v_x2, v_y2, omega_2, rebound.contact_time, *gaps, rebound.regime, status)
 
 
-def filmed_rebounds(
-    camera: CameraModel | None,
-    forward: ForwardModel,
-    values: Values,
-    measured: Impacts,
-    index: Annotated[IntArray, "impacts levels"] | None,
-) -> Rebound:
-    """Rebounds (draws, impacts) of measured states as the camera shows them, or true rebounds
-    without a camera. `index` says which level each impact has.
-    """
-    if camera is None:
-        return forward.rebound(values, measured, index)
-    return camera.measured_rebounds(
-        values,
-        measured,
-        forward.rebound(values, camera.true_states(values, measured), index),
-    )
-
-
 def camera_of(
     table: ImpactTable,
     stated: CameraSection | None,

@@ -18,8 +18,10 @@ from fitball.data.table import ImpactTable
 from fitball.inference.derived import Quantity, quantities
 from fitball.inference.forward import CalibratedRange, ForwardModel, Values
 from fitball.inference.noise import NOISE_KINDS
-from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel, filmed_rebounds
+from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
+from fitball.inference.problem.fall import FALL_SPECS, FallModel
 from fitball.inference.problem.joint_prior import JointPrior, Parameter
+from fitball.inference.problem.instruments import measured_rebounds
 from fitball.inference.problem.levels import ALL
 from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
@@ -32,6 +34,7 @@ COMMON_PARAMETERS = frozenset(
         *(spec.name for kind in NOISE_KINDS.values() for spec in kind.parameters),
         *BALL_PARAMETERS,
         *CAMERA_SPECS,
+        *FALL_SPECS,
     }
 )
 
@@ -122,6 +125,7 @@ class Problem:
     observables: tuple[Observable, ...]
     rows: Rows
     camera: CameraModel | None
+    fall: FallModel | None
     contact_time: tuple[float, float] | None
     notes: tuple[Note, ...]
     prior_texts: Mapping[str, str]
@@ -170,17 +174,20 @@ class Problem:
         measured = self.rows.states if states is None else states
         index = self.rows.index
         camera = self.camera
+        fall = self.fall
         if of_rows is not None:
             index = index[of_rows]
             camera = None if camera is None else camera.take(of_rows)
-        return filmed_rebounds(camera, self.forward, values, measured, index)
+            fall = None if fall is None else fall.take(of_rows)
+        return measured_rebounds(camera, fall, self.forward, values, measured, index)
 
     def on_rows(self, rows: Annotated[IntArray, "rows"]) -> Problem:
         """The problem with the measurements of these row numbers alone, for sums over rows. Its
         `table`, and what depends on that, is still that of all rows.
         """
         camera = None if self.camera is None else self.camera.take(rows)
-        return replace(self, rows=self.rows.take(rows), camera=camera)
+        fall = None if self.fall is None else self.fall.take(rows)
+        return replace(self, rows=self.rows.take(rows), camera=camera, fall=fall)
 
     def take(self, rows: Annotated[IntArray, "rows"]) -> Problem:
         """The problem with the rows of these numbers alone, `table` included."""

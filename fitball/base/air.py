@@ -1,0 +1,89 @@
+"""A ball that falls and rises straight through still air, which brakes it by the square of speed.
+
+With the terminal speed V, V^2 = 2 m g/(rho C_d pi R^2), a ball that falls from rest by a height h
+lands at v, v^2 = V^2 (1 - exp(-2 g h/V^2)); one that leaves the ground at v rises to r, v^2 = V^2
+(exp(2 g r/V^2) - 1). Both follow from v dv/dh = g - g v^2/V^2, or + on the way up. Here s = 2 g/V^2
+= C_d rho pi R^2/m [1/m] is the `braking`; for s -> 0 both are v^2 = 2 g h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitball.base.itf import GRAVITY
+from fitball.base.values import Ball, FloatArray
+
+# Gas constant of dry air [J/(kg K)].
+_GAS_CONSTANT = 287.05
+# Zero degrees Celsius [K].
+_ZERO_CELSIUS = 273.15
+# Temperature [degrees Celsius] where only the pressure is stated.
+_USUAL_TEMPERATURE = 20.0
+# Pressure at sea level [Pa], where only the temperature is stated.
+_USUAL_PRESSURE = 101_325.0
+# Density of the air [kg/m^3] where nothing is stated: dry air at 20 degrees and sea level.
+_USUAL_DENSITY = 1.2
+
+
+class Coefficient(NamedTuple):
+    """A coefficient of the air on the ball and its standard deviation, both without unit."""
+
+    value: float
+    sd: float
+
+
+# Drag of a ball below 15 m/s. No measurement of tennis balls at such speeds was found. The sd spans
+# a smooth sphere (0.47), flights above 15 m/s (0.507, Cross and Lindsey 2014), the textbook of
+# Brody, Cross and Lindsey (0.55) and wind tunnels (0.6 to 0.7, Mehta, Alam and Subic 2008).
+SLOW_DRAG = Coefficient(0.55, 0.08)
+
+
+def density(air: Mapping[str, float]) -> float:
+    """Density of the air [kg/m^3]: as stated, or that of dry air at the stated pressure [Pa] and
+    temperature [degrees Celsius].
+    """
+    if not air:
+        return _USUAL_DENSITY
+    kelvin = air.get("temperature", _USUAL_TEMPERATURE) + _ZERO_CELSIUS
+    dry = air.get("pressure", _USUAL_PRESSURE) / (_GAS_CONSTANT * kelvin)
+    return air.get("density", dry)
+
+
+def braking_per_drag(ball: Ball, air: Mapping[str, float]) -> float:
+    """What a drag coefficient of one brakes: s/C_d = rho pi R^2/m [1/m]."""
+    return density(air) * pi * ball.radius**2 / ball.mass
+
+
+def landing_speed(height: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a ball lands that falls from rest by a height [m]; shapes broadcast."""
+    s = np.asarray(braking, dtype=np.float64)
+    return np.asarray(np.sqrt(-2.0 * GRAVITY * np.expm1(-s * np.asarray(height)) / s))
+
+
+def drop_height(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Height [m] from which a ball falls that lands at a speed [m/s], below the terminal one;
+    shapes broadcast.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    return np.asarray(-np.log1p(-s * np.square(speed) / (2.0 * GRAVITY)) / s)
+
+
+def launch_speed(height: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a ball leaves the ground that rises to a height [m]; shapes
+    broadcast.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    return np.asarray(np.sqrt(2.0 * GRAVITY * np.expm1(s * np.asarray(height)) / s))
+
+
+def rebound_height(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Height [m] to which a ball rises that leaves the ground at a speed [m/s]; shapes
+    broadcast.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    return np.asarray(np.log1p(s * np.square(speed) / (2.0 * GRAVITY)) / s)
