@@ -33,13 +33,6 @@ def test_ratings_are_rounded_before_their_category():
     assert itf.pace_categories(np.array([37.0]))["medium"] == 1.0
 
 
-def test_a_fall_keeps_its_energy():
-    """m g h is m v^2/2; 100 inches make 7.06 m/s."""
-    energy = itf.fall_speed(1.3) ** 2 / 2.0
-    assert energy == pytest.approx(1.3 * 9.80665, rel=1e-14)
-    assert itf.fall_speed(itf.DROP_HEIGHT) == pytest.approx(7.0582, abs=5e-5)
-
-
 def test_types_of_balls_are_those_of_the_rules():
     """Rules of Tennis, Appendix I, in cm."""
     printed = {

@@ -179,7 +179,10 @@ def test_gains_of_a_linear_model_are_those_of_algebra(straight, target, towards)
 def test_a_drop_shows_the_vertical_speed_alone(straight):
     frames = frames_of(straight, sensor={"drop": "1 m"}, count=1)
     result = frames["others"].iloc[0]
-    fall = {"v_1": np.sqrt(2 * 9.80665), "theta_1": np.pi / 2, "omega_1": 0.0}
+    # Through air with a drag coefficient of 0.55.
+    braking = 0.55 * 1.2 * np.pi * 0.03302**2 / 0.0576
+    speed = np.sqrt(2 * 9.80665 / braking * (1.0 - np.exp(-braking)))
+    fall = {"v_1": speed, "theta_1": np.pi / 2, "omega_1": 0.0}
     assert result["sensor"] == "drop"
     assert result["v_1"] == pytest.approx(fall["v_1"])
     of_v_y2 = slopes(fall)[1:2]

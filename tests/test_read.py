@@ -133,26 +133,43 @@ def test_measured_restitution_is_that_of_tables_2_4_and_6():
         )
 
 
-def test_drop_heights_are_the_speeds_of_free_fall():
+def test_drop_heights_are_speeds_of_a_fall_through_air():
     """Against motion step by step, and sds against random draws."""
     heights = {"rebound_height [cm]": [140, 138], "rebound_height_sd [mm]": [5, 5]}
     table = fitball.load_table({"drop_height [in]": ["100 ± 0.5"] * 2, **heights})
     speed = 0.0
     height = 2.54
     step = 1e-5
+    # rho C_d pi R^2/(2 m), of a tennis ball in dry air at sea level.
+    per_speed_squared = 1.2 * 0.55 * np.pi * 0.03302**2 / (2 * 0.0576)
     while height > 0.0:
-        height -= speed * step + 0.5 * 9.80665 * step**2
-        speed += 9.80665 * step
+        acceleration = 9.80665 - per_speed_squared * speed**2
+        height -= speed * step + 0.5 * acceleration * step**2
+        speed += acceleration * step
     assert list(table.values) == ["v_y1", "v_y2"]
     assert not table.has_tangential
     assert_allclose(table.impacts.v_y1, speed, rtol=1e-4)
-    cor = table.values["v_y2"] / table.impacts.v_y1
-    assert_allclose(cor, np.sqrt([1.40 / 2.54, 1.38 / 2.54]), rtol=1e-14)
-    drawn = np.sqrt(
-        2 * 9.80665 * (1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000))
-    )
-    assert table.sd["v_y2"][0] == pytest.approx(drawn.std(), rel=0.01)
-    assert table.sd["v_y1"][0] == pytest.approx(0.5 * 0.0127 / 2.54 * speed, rel=1e-3)
+    terminal = 9.80665 / per_speed_squared
+    heights = 1.40 + 0.005 * np.random.default_rng(3).standard_normal(400_000)
+    rising = np.sqrt(terminal * np.expm1(2 * 9.80665 * heights / terminal))
+    assert_allclose(table.values["v_y2"][0], rising.mean(), rtol=1e-4)
+    assert table.sd["v_y2"][0] == pytest.approx(rising.std(), rel=0.01)
+    assert table.sd["v_y1"][0] == pytest.approx(acceleration * 0.0127 / speed, rel=1e-3)
+    assert [note.code for note in table.notices].count("heights") == 2
+
+
+def test_the_air_of_heights_is_that_of_the_scene():
+    """A drop test in the mountains with a drag of its own; without air v^2 = 2 g h."""
+    heights = {"drop_height": [2.0, 2.0], "rebound_height": [1.0, 1.1]}
+    thin = fitball.Scene(flight={"drag": 0.02}, air={"density": 0.3})
+    table = fitball.load_table(heights, scene=thin)
+    assert_allclose(table.impacts.v_y1, np.sqrt(2 * 9.80665 * 2.0), rtol=1e-3)
+    thick = fitball.Scene(flight={"drag": 0.6}, air={"pressure": 84_000.0, "temperature": 5.0})
+    table = fitball.load_table(heights, scene=thick)
+    braking = 0.6 * 84_000.0 / (287.05 * 278.15) * np.pi * 0.03302**2 / 0.0576
+    squares = 2 * 9.80665 / braking * (1.0 - np.exp(-2.0 * braking))
+    assert_allclose(table.impacts.v_y1, np.sqrt(squares), rtol=1e-12)
+    assert table.read[0]["drag"] == "0.6"
 
 
 @pytest.mark.parametrize("cell", ["", "nan", "NaN", "NA", "n/a", "-", "null", " ", "#N/A"])

@@ -1,4 +1,4 @@
-"""Formulas and limits of the ITF (CS 01/02, TB 04/01, Rules of Tennis) and of free fall, pure.
+"""Formulas and limits of the ITF (CS 01/02, TB 04/01, Rules of Tennis), pure.
 
 Scenes, derived quantities, constants of the ball, `uses.lab` and pages meet here. Sources:
 International Tennis Federation, *ITF Approved Tennis Balls, Classified Surfaces & Recognised
@@ -92,8 +92,3 @@ def pace_categories(rating: FloatArray) -> dict[str, float]:
     # Half a point counts up.
     places = np.searchsorted(_BEGINS, np.floor(rating + 0.5), side="right")
     return {name: float(np.mean(places == k)) for k, name in enumerate(PACE_CATEGORIES)}
-
-
-def fall_speed(height: float) -> float:
-    """Landing speed [m/s] from a height [m] without air, `sqrt(2 g h)`."""
-    return float(np.sqrt(2.0 * GRAVITY * height))

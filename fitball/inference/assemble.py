@@ -13,6 +13,7 @@ from fitball.base.text import listed
 from fitball.base.values import FloatArray
 from fitball.inference.forward import Draws
 from fitball.inference.problem.camera import CAMERA_SPECS
+from fitball.inference.problem.fall import FALL_SPECS
 from fitball.inference.problem.problem import COMMON_PARAMETERS, Problem
 from fitball.inference.schema import Adequacy, Estimate, Judgement
 from fitball.inference.summary import summarise
@@ -92,7 +93,7 @@ def _kind(name: str) -> str:
     base = name.partition("[")[0]
     if base in BALL_PARAMETERS:
         return "ball"
-    if base in CAMERA_SPECS:
+    if base in CAMERA_SPECS or base in FALL_SPECS:
         return "camera"
     if name in COMMON_PARAMETERS:
         return "noise"

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fitball.base import itf
+from fitball.base import air
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
@@ -183,7 +183,9 @@ def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     for name, text in words.items():
         if name == DROP_SENSOR:
             height = spans(f"drop_height={text}", "value")["drop_height"].low
-            fall = np.array([itf.fall_speed(height)])
+            scene = fit.run.scene
+            braking = scene.slow_drag().value * air.braking_per_drag(scene.ball_value(), scene.air)
+            fall = air.landing_speed(np.array([height]), braking)
             drop = Impacts(np.zeros(1), fall, np.zeros(1))
             sensors.append(Sensor(name, {}, drop))
         elif name == GAPS:
