@@ -46,6 +46,25 @@ def test_every_table_has_a_scene_that_describes_it():
     assert place.with_suffix(".LICENSE").is_file()
 
 
+@pytest.mark.parametrize(
+    ("ball", "limits"),
+    [
+        ("itf-type-1", (1.38, 1.51)),
+        ("itf-type-2", (1.35, 1.47)),
+        ("itf-high-altitude", (1.22, 1.35)),
+    ],
+)
+def test_restitutions_of_ball_types_are_those_of_their_rebounds(ball, limits):
+    """Rebounds from 254 cm through air: the middle of the range, less what 10 m/s take away."""
+    spec = ParameterSpec("cor_10", "", 0.01, 1.0, "normal(0.75, 0.15)", "restitution", "")
+    prior = published_prior(spec, f"literature:{ball}")
+    braking = 0.55 * 1.2 * np.pi * 0.03302**2 / 0.0576
+    fall = 1.0 - np.exp(-2.54 * braking)
+    low, high = (np.sqrt((np.exp(braking * limit) - 1.0) / fall) for limit in limits)
+    assert f"{low:.3f} to {high:.3f}" in prior.source
+    assert 0.0 <= 0.5 * (low + high) - prior.location < 0.01
+
+
 def test_priors_of_the_literature():
     spec = ParameterSpec("mu", "", 0.01, 2.0, "lognormal(0.5, 0.5)", "friction", "")
     prior = published_prior(spec, "literature:Clay")

@@ -229,6 +229,8 @@ def judge(
             extrapolated=ANCHORED_WORDS if anchor else "",
         )
         judged[name] = _judgement_of(evidence, rests)
+    # A value that depends on a stated constant of ball, camera or air rests on that.
+    stated = {parameter.spec.name for parameter in problem.parameters if parameter.measured}
     for k, quantity in enumerate(derived, start=len(problem.free)):
         shares = zip(problem.free, linear.shares[k], strict=True)
         moving = [name for name, share in shares if share > SHARED_VARIANCE]
@@ -241,7 +243,11 @@ def judge(
             linear.contraction[k],
             missing=missing,
             extrapolated=BEYOND_WORDS if quantity.extrapolated else "",
-            open=tuple(name for name in moving if verdicts[name] == "prior-dominated"),
+            open=tuple(
+                name
+                for name in moving
+                if verdicts[name] == "prior-dominated" and name not in stated
+            ),
             bounded=tuple(name for name in moving if verdicts[name] == "one-sided"),
         )
         judged[quantity.spec.name] = _judgement_of(evidence, rests)
