@@ -103,3 +103,36 @@ def test_heights_beside_speeds_are_told_apart():
     assert np.isfinite(predicted).all()
     assert np.array_equal(predicted[0, 20:], predicted[1, 20:])
     assert np.all(predicted[0, :20] != predicted[1, :20])
+
+
+def test_heights_are_predicted_by_the_heights_of_drops(usual):
+    """The table's own heights come back within 5 mm, however uncertain the drag is."""
+    frames = usual.predict(impact="drop_height=100..254 cm:2").frames["predictions"]
+    heights = frames[frames["column"] == "rebound_height"]
+    table = dropped(0.77, 0.55)["rebound_height"]
+    assert heights["median"].to_numpy() == pytest.approx(table[[0, -1]], abs=0.005)
+    inside = heights["new_q025"].lt(table[[0, -1]]) & heights["new_q975"].gt(table[[0, -1]])
+    assert inside.all()
+    # The noise of heights is 4 mm; an error of the drag alone would move 254 cm by 8 mm.
+    assert (heights["sd"] < 0.004).all()
+    assert heights["noise"].to_numpy() == pytest.approx(0.004, rel=0.8)
+    speeds = frames[frames["column"] == "v_y2"]
+    landing = np.sqrt(TWICE_G / (0.55 * PER_DRAG) * (1.0 - np.exp(-0.55 * PER_DRAG * FALLS)))
+    assert speeds["v_y1"].to_numpy() == pytest.approx(landing[[0, -1]], rel=1e-9)
+
+
+def test_heights_of_a_table_are_compared_with_predictions(usual):
+    frames = usual.predict(dropped(0.77, 0.55, noise=0.004)).frames
+    scores = frames["scores"].set_index("column")
+    assert scores.loc["rebound_height", "impacts"] == 20
+    # Those of a line through ratios of the heights themselves.
+    table = dropped(0.77, 0.55, noise=0.004)
+    ratio = np.polyval(np.polyfit(FALLS, table["rebound_height"] / FALLS, 1), FALLS)
+    rms_of_fit = np.sqrt(np.mean((table["rebound_height"] - ratio * FALLS) ** 2))
+    assert scores.loc["rebound_height", "rms"] == pytest.approx(rms_of_fit, rel=0.02)
+    assert abs(scores.loc["rebound_height", "bias"]) < 0.003
+
+
+def test_what_was_not_dropped_has_no_height(usual):
+    frame = usual.predict(impact="v_y1=5").frames["predictions"]
+    assert "rebound_height" not in {*frame["column"]}

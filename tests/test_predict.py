@@ -16,6 +16,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 import fitball
 from fitball.base import environment
 from fitball.cli import main
+from fitball.data.scene import Scene
 from fitball.inference import predictive
 from fitball.inference.forward import Draws
 from fitball.inference.schema import Alternative
@@ -153,11 +154,13 @@ def test_an_impact_is_predicted_alike_in_a_table_in_words_and_beside_others(fit)
     for row, single in ((0, words), (1, alone)):
         same = whole[whole["row"] == row][numbers].to_numpy()
         assert_allclose(single[numbers].to_numpy(), same, rtol=1e-9)
-    grid = table_in_words("v_x1=10..12:3, v_y1=6..8 m/s:2, omega_1=50")
+    grid = table_in_words("v_x1=10..12:3, v_y1=6..8 m/s:2, omega_1=50", Scene())
     assert len(grid) == 6
     assert not grid.sd
     assert set(grid.impacts.v_y1) == {6.0, 8.0}
-    assert table_in_words("v_1=20±1, theta_1=45 deg").sd["v_x1"] == pytest.approx(np.sqrt(0.5))
+    assert table_in_words("v_1=20±1, theta_1=45 deg", Scene()).sd["v_x1"] == pytest.approx(
+        np.sqrt(0.5)
+    )
 
 
 def test_columns_are_those_that_the_model_predicts(fit):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from fitball.base import air
@@ -19,7 +21,7 @@ def speeds_of_heights(cells: TableCells, columns: Columns, scene: Scene) -> dict
     """
     with_speeds = dict(columns)
     drag = scene.slow_drag()
-    braking = drag.value * air.braking_per_drag(scene.ball_value(), scene.air)
+    braking = usual_braking(scene)
     for name, speed in SPEED_OF_HEIGHT.items():
         height = with_speeds.pop(name, None)
         sd = with_speeds.pop(f"{name}_sd", None)
@@ -42,6 +44,11 @@ def speeds_of_heights(cells: TableCells, columns: Columns, scene: Scene) -> dict
     return with_speeds
 
 
+def usual_braking(scene: Scene) -> float:
+    """The braking [1/m] of a scene's ball in its air, at the usual or the stated drag."""
+    return scene.slow_drag().value * air.braking_per_drag(scene.ball_value(), scene.air)
+
+
 def _words(
     name: str,
     speed: str,
@@ -60,11 +67,11 @@ def _words(
     )
 
 
-def heights_read(columns: Columns, scene: Scene) -> dict[str, str]:
-    """What a table keeps of the heights among its columns: the speeds that they became, and the
-    drag coefficient; nothing where there are none.
+def heights_read(columns: Iterable[str], scene: Scene) -> dict[str, str]:
+    """What a table keeps of the heights among the names of its columns: the speeds that they
+    became, and the drag coefficient; nothing where there are none.
     """
-    speeds = [speed for name, speed in SPEED_OF_HEIGHT.items() if name in columns]
+    speeds = [speed for height, speed in SPEED_OF_HEIGHT.items() if height in columns]
     if not speeds:
         return {}
     return {"heights": ",".join(speeds), "drag": repr(scene.slow_drag().value)}

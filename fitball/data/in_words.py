@@ -4,16 +4,17 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, prod
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import numpy as np
 
+from fitball.base.air import landing_speed
 from fitball.base.columns import COLUMNS, STATE
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed, one_line
 from fitball.base.units import assumed_symbol, factor_of
 from fitball.base.values import FloatArray, Impacts
-from fitball.data.kinematics import propagate, state
+from fitball.data.kinematics import AnalyticColumns, propagate, state
 
 # A point before another belongs to a range: `10..40`. Blanks are single ones by then.
 _NUMBER = r"[+-]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
@@ -32,7 +33,7 @@ _FORMS = {
     "error": "0.5 m/s",
 }
 # Columns that make an incident velocity; spin may be added.
-_STATES = ({"v_1", "theta_1"}, {"v_x1", "v_y1"}, {"v_y1"})
+_STATES = ({"v_1", "theta_1"}, {"v_x1", "v_y1"}, {"v_y1"}, {"drop_height"})
 # Most points of a grid: some 100 MB.
 _MOST_POINTS = 1_000_000
 
@@ -119,19 +120,29 @@ def _refusal(written: str, expected: str) -> ParameterError:
     return ParameterError(f"read '{one_line(written)}'; expected {expected}", "impact")
 
 
-def impact_grid(by_column: Mapping[str, Span]) -> tuple[Impacts, FloatArray | None]:
-    """The grid (impacts,) that spans name, and the covariance (impacts, 3, 3) of its states in SI,
-    or None. Raises ParameterError (`impact`).
+def impact_grid(
+    by_column: Mapping[str, Span],
+    braking: float,
+) -> tuple[Impacts, Annotated[FloatArray, "impacts 3 3"] | None]:
+    """The grid (impacts,) that spans name, and the covariance of its states in SI, or None. Balls
+    of a drop height fall through air with a `braking` [1/m] (`heights.usual_braking`).
+
+    Raises:
+        ParameterError: the spans are no impacts (`impact`).
     """
     names = {*by_column} - {"omega_1"}
     text = ", ".join(by_column)
     if names not in _STATES:
         _fail(
             text,
-            "expected v_1 and theta_1, or v_x1 and v_y1, or v_y1 alone, and omega_1 if the ball "
-            "spins",
+            "expected v_1 and theta_1, or v_x1 and v_y1, or v_y1 or drop_height alone, and omega_1 "
+            "if the ball spins",
         )
-    order = ("v_1", "theta_1", "omega_1") if "v_1" in names else STATE
+    order: tuple[str, ...] = STATE
+    if "v_1" in names:
+        order = ("v_1", "theta_1", "omega_1")
+    elif "drop_height" in names:
+        order = ("drop_height", "omega_1")
     axes = [by_column.get(name, Span(0.0, 0.0)) for name in order]
     if any(axis.low < axis.high and axis.count < 2 for axis in axes):
         _fail(text, "a range has no number of points; expected LOW..HIGH UNIT:COUNT")
@@ -142,7 +153,14 @@ def impact_grid(by_column: Mapping[str, Span]) -> tuple[Impacts, FloatArray | No
     grid = np.meshgrid(*coordinates, indexing="ij")
     columns = dict(zip(order, (axis.ravel() for axis in grid), strict=True))
     stated = np.diag([axis.sd**2 for axis in axes])
-    states, covariance = propagate(lambda moved: state(moved, points), columns, stated)
+
+    def states_of(moved: AnalyticColumns) -> AnalyticColumns:
+        fallen = dict(moved)
+        if "drop_height" in fallen:
+            fallen["v_y1"] = landing_speed(fallen.pop("drop_height"), braking)
+        return state(fallen, points)
+
+    states, covariance = propagate(states_of, columns, stated)
     if (states["v_x1"] < 0.0).any():
         # The offset of the normal force lies ahead in the direction of travel, towards positive
         # v_x.

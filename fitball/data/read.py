@@ -23,8 +23,8 @@ from fitball.base.values import Ball, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
-from fitball.data.heights import heights_read, speeds_of_heights
 from fitball.data.header import LABELS, Header, Naming, read_header
+from fitball.data.heights import heights_read, speeds_of_heights
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows

@@ -64,7 +64,7 @@ class Fit(Fitted, Result):
                 "no-impacts",
             )
         if impact:
-            table = table_in_words(impact)
+            table = table_in_words(impact, self.run.scene)
         else:
             reading = reading_of(self.run.table)
             table = load_table(data, scene=self.run.scene, rebound=False, **reading)

@@ -8,11 +8,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fitball.base import air
+from fitball.base.air import landing_speed
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.values import FloatArray, Impacts, IntArray
+from fitball.data.heights import usual_braking
 from fitball.data.in_words import Span, impact_grid, spans
 from fitball.data.labels import spelling_key
 from fitball.inference.derived import Quantity
@@ -183,9 +184,7 @@ def sensors_of(fit: Fitted, words: Mapping[str, str] | None) -> list[Sensor]:
     for name, text in words.items():
         if name == DROP_SENSOR:
             height = spans(f"drop_height={text}", "value")["drop_height"].low
-            scene = fit.run.scene
-            braking = scene.slow_drag().value * air.braking_per_drag(scene.ball_value(), scene.air)
-            fall = air.landing_speed(np.array([height]), braking)
+            fall = landing_speed(np.array([height]), usual_braking(fit.run.scene))
             drop = Impacts(np.zeros(1), fall, np.zeros(1))
             sensors.append(Sensor(name, {}, drop))
         elif name == GAPS:
@@ -342,7 +341,7 @@ def _rebound_quantities(fit: Fitted, text: str, keys: IntArray, ordinal: str) ->
     (combinations, levels); `ordinal` numbers impacts, where there are several.
     """
     forward = fit.problem.forward
-    impact, _ = impact_grid(spans(text, "value"))
+    impact, _ = impact_grid(spans(text, "value"), usual_braking(fit.run.scene))
     if not forward.model.tangential and (impact.v_x1[0] or impact.omega_1[0]):
         text = f"impact '{text}': the fit has vertical motion only; name v_y1 alone"
         raise ParameterError(text, "not-measured")

@@ -22,7 +22,7 @@ from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.labels import role_of
 from fitball.data.scene import CameraSection
 from fitball.data.table import ImpactTable
-from fitball.inference.forward import ForwardModel, Values, spec_at_label
+from fitball.inference.forward import Values, spec_at_label
 from fitball.models.types import Rebound, Status
 
 _SPECS = (

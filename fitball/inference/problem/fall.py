@@ -68,8 +68,9 @@ class FallModel(NamedTuple):
         return replace(rebound, v_y2=np.where(self.risen, launch, rebound.v_y2))
 
     def _braking(self, values: Values) -> FloatArray:
-        """The braking (draws, 1) [1/m] of each draw."""
-        return self.braking * values[DRAG_SPEC.name][:, None]
+        """The braking (draws, 1) [1/m] of each draw, the usual one where no drag was fitted."""
+        drag = values.get(DRAG_SPEC.name, np.array([self.usual]))
+        return self.braking * drag[:, None]
 
 
 def fall_of(table: ImpactTable, scene: Scene) -> FallModel | None:

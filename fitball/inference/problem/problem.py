@@ -20,8 +20,8 @@ from fitball.inference.forward import CalibratedRange, ForwardModel, Values
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
 from fitball.inference.problem.fall import FALL_SPECS, FallModel
-from fitball.inference.problem.joint_prior import JointPrior, Parameter
 from fitball.inference.problem.instruments import measured_rebounds
+from fitball.inference.problem.joint_prior import JointPrior, Parameter
 from fitball.inference.problem.levels import ALL
 from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
