@@ -129,7 +129,7 @@ def test_heights_of_a_table_are_compared_with_predictions(usual):
     table = dropped(0.77, 0.55, noise=0.004)
     ratio = np.polyval(np.polyfit(FALLS, table["rebound_height"] / FALLS, 1), FALLS)
     rms_of_fit = np.sqrt(np.mean((table["rebound_height"] - ratio * FALLS) ** 2))
-    assert scores.loc["rebound_height", "rms"] == pytest.approx(rms_of_fit, rel=0.02)
+    assert scores.loc["rebound_height", "rms"] == pytest.approx(rms_of_fit, rel=0.05)
     assert abs(scores.loc["rebound_height", "bias"]) < 0.003
 
 

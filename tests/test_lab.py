@@ -348,8 +348,8 @@ def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     assert np.isnan(by_scene["passes"][0])
     # At another speed a ratio would be of speeds.
     fall = np.repeat([2.54, 1.0], 3)
-    table = dropped(heights * fall / 2.54, fall=fall, surface=surfaces)
-    other = drop_test(table, Scene())
+    table = dropped(rise(cor * landing(fall)), fall=fall, surface=surfaces)
+    other = drop_test(table, HELD_DRAG)
     assert np.isnan(other["ratio"]).all()
     assert other["cor"].tolist() == pytest.approx([on_concrete, on_clay])
 
