@@ -170,7 +170,7 @@ def test_the_page_of_a_simulation():
 def test_the_page_of_a_prediction():
     made = fit_by_hand()
     fit = replace(made, alternatives=())
-    fit.__dict__["made"] = made.made
+    fit.__dict__["built"] = made.built
     found = fit.predict(impact="v_1=15..25:4, theta_1=30 deg, omega_1=10")
     frame = found.frames["predictions"]
     rows = rows_of(predict_page.report(found), "impact")

@@ -352,7 +352,7 @@ def test_a_file_that_is_no_text_is_not_printed(fit):
 
 def test_a_sampler_that_did_not_converge_is_named(fit):
     failed = replace(fit, status="not converged")
-    failed.__dict__["made"] = fit.made
+    failed.__dict__["built"] = fit.built
     assert "converge" in parsed(content(failed.export(to="json")))["origin"]
     assert "converge" not in parsed(content(fit.export(to="json")))["origin"]
 
