@@ -136,7 +136,7 @@ def with_bent_residuals(answer):
     return fit
 
 
-def test_trends_are_drawn_only_where_a_test_found_something():
+def test_trends_are_drawn_only_where_a_residual_test_fails():
     assert trends(with_bent_residuals("describes")) == 0
     fit = with_bent_residuals("describes except")
     assert trends(fit) >= 1
@@ -223,10 +223,10 @@ def test_a_corner_has_intervals_for_ticks_and_priors_that_integrate(stiff):
     assert area == pytest.approx(1.0, abs=0.01)
     by_name = {parameter.spec.name: parameter for parameter in stiff.problem.parameters}
     prior = by_name["k_y"].prior
-    for place, height in zip(x[20:40:5], y[20:40:5], strict=True):
+    for at, height in zip(x[20:40:5], y[20:40:5], strict=True):
         # The axis shows log10 of kN/m, the prior's coordinate is ln of N/m.
-        low = np.log(10.0 ** (place - 1e-4) * 1e3)
-        high = np.log(10.0 ** (place + 1e-4) * 1e3)
+        low = np.log(10.0 ** (at - 1e-4) * 1e3)
+        high = np.log(10.0 ** (at + 1e-4) * 1e3)
         middle = np.array([0.5 * (low + high)])
         density = np.exp(prior.log_density(middle))[0]
         assert height == pytest.approx(density * (high - low) / 2e-4, rel=1e-6)
@@ -239,9 +239,9 @@ def test_a_forest_marks_what_moves_by_more_than_two_sds(fit):
     moved = fit.variants.query("quantity == 'mu' and choice == 'offset=grip'").iloc[0]
     colours = {}
     for line in axis.lines:
-        place, *others = line.get_xdata()
+        median, *others = line.get_xdata()
         if not others:
-            colours[place] = to_rgba(line.get_color())
+            colours[median] = to_rgba(line.get_color())
     assert colours[summary["median"]] == to_rgba(MODEL_COLOUR)
     assert colours[moved["median"]] == to_rgba(MOVED_COLOUR)
     to_data = axis.transData.inverted()
@@ -273,10 +273,10 @@ def test_bars_of_regimes_are_shares_of_draws():
     axis = figure("regimes", fit).axes[0]
     ends = np.zeros(24)
     for bar in axis.patches:
-        place = round(bar.get_y() + 0.4)
+        row = round(bar.get_y() + 0.4)
         # Each begins where the one before ends.
-        assert bar.get_x() == pytest.approx(ends[place])
-        ends[place] += bar.get_width()
+        assert bar.get_x() == pytest.approx(ends[row])
+        ends[row] += bar.get_width()
     assert_allclose(ends, 1.0)
     names = [text.get_text().split("  ")[0] for text in axis.get_yticklabels()]
     model = fit.problem.forward.model

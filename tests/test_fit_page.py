@@ -226,8 +226,8 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
         "q975": 32.0,
         **shares,
     }
-    place = {**paced, "place": "net", "rating": 27.1}
-    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, place]))
+    paced_place = {**paced, "place": "net", "rating": 27.1}
+    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, paced_place]))
     lines = lab.sentences(fit)
     # What was measured stands for what the model says.
     assert len(lines) == 1
@@ -271,10 +271,10 @@ def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
     monkeypatch.setattr(style, "image_bytes", lambda _: b"png")
     monkeypatch.setattr(fit_page.files_of_fit, "files", lambda _: {"fit.json": lambda: b"{}"})
     fit.save(tmp_path / "usual")
-    usual = {place.stem for place in (tmp_path / "usual").glob("*.png")}
+    usual = {path.stem for path in (tmp_path / "usual").glob("*.png")}
     assert usual == {"curves", "corner", "forest", "residuals", "predictive"}
     fit.save(tmp_path / "all", figures="all")
-    all_figures = {place.stem for place in (tmp_path / "all").glob("*.png")}
+    all_figures = {path.stem for path in (tmp_path / "all").glob("*.png")}
     assert all_figures == usual | {"profiles", "trace", "regimes", "regime_map"}
     references = tmp_path / "usual" / "references.bib"
     assert references.read_text(encoding="utf-8").startswith("@misc{fitball,")

@@ -23,9 +23,7 @@ def stored(tmp_path_factory):
 
 @pytest.mark.parametrize("form", STARTS)
 def test_figures_are_written_beside_the_fit(stored, capsys, form):
-    before = {
-        place: place.read_bytes() for place in stored.iterdir() if not place.name.startswith(".")
-    }
+    before = {path: path.read_bytes() for path in stored.iterdir() if not path.name.startswith(".")}
     assert (
         cli.main(
             ["plot", str(stored / "fit.json"), "forest", "regime_map", "--format", form, "--quiet"]
@@ -35,8 +33,8 @@ def test_figures_are_written_beside_the_fit(stored, capsys, form):
     written = capsys.readouterr().out.split()
     assert written == [str(stored / f"{name}.{form}") for name in ("forest", "regime_map")]
     first = [(stored / f"{name}.{form}").read_bytes() for name in ("forest", "regime_map")]
-    assert all(one.startswith(STARTS[form]) for one in first)
-    assert {place: place.read_bytes() for place in before} == before
+    assert all(image.startswith(STARTS[form]) for image in first)
+    assert {path: path.read_bytes() for path in before} == before
     # Again, in place of the first.
     assert cli.main(["plot", str(stored), "forest", "regime_map", "--format", form]) == 0
     assert [(stored / f"{name}.{form}").read_bytes() for name in ("forest", "regime_map")] == first
@@ -45,14 +43,14 @@ def test_figures_are_written_beside_the_fit(stored, capsys, form):
 
 def test_without_names_all_that_there_is_data_for(tmp_path):
     fit_by_hand(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
-    found = fitball.plot(tmp_path / "drop")
+    drawn = fitball.plot(tmp_path / "drop")
     assert (
-        found.names == ("curves", "profiles", "predictive", "residuals") or "forest" in found.names
+        drawn.names == ("curves", "profiles", "predictive", "residuals") or "forest" in drawn.names
     )
-    assert {*FIGURES} - {*found.names} >= {"corner", "trace", "regimes", "regime_map"}
-    assert [note.code for note in found.notes] == ["not-drawn"]
-    places = found.save(tmp_path / "other")
-    assert [place.name for place in places] == [f"{name}.png" for name in found.names]
+    assert {*FIGURES} - {*drawn.names} >= {"corner", "trace", "regimes", "regime_map"}
+    assert [note.code for note in drawn.notes] == ["not-drawn"]
+    paths = drawn.save(tmp_path / "other")
+    assert [path.name for path in paths] == [f"{name}.png" for name in drawn.names]
     assert fitball.plot(fit_by_hand(), "curves,corner").names == ("curves", "corner")
 
 
@@ -95,7 +93,7 @@ def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys)
         ("simulate", "history.csv history.png"),
     ):
         assert {*names.split(), "report.html"} <= {
-            place.name for place in (tmp_path / "fit" / verb).iterdir()
+            path.name for path in (tmp_path / "fit" / verb).iterdir()
         }
     assert cli.main(["simulate", "fit", "--impact", "v_1=20, theta_1=30", "--quiet"]) == 0
     assert (tmp_path / "fit" / "simulate-2" / "report.html").is_file()

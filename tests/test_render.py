@@ -231,7 +231,7 @@ def test_progress_of_the_caller_and_messages_above_the_line(monkeypatch):
     import logging
 
     heard = []
-    with shown(lambda *told: heard.append(told)) as show:
+    with shown(lambda *stage: heard.append(stage)) as show:
         show("search", 0.5)
     assert heard == [("search", 0.5)]
     monkeypatch.setattr(sys, "stderr", Terminal())

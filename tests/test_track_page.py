@@ -37,8 +37,8 @@ def film():
 
 
 def test_calibrate_reads_what_track_writes(film, tmp_path):
-    places = {place.name for place in film.save(tmp_path / "out", figures=False)}
-    assert places >= {
+    names = {path.name for path in film.save(tmp_path / "out", figures=False)}
+    assert names >= {
         "impacts.csv",
         "impacts.toml",
         "tracks.csv",
@@ -71,19 +71,19 @@ def test_calibrate_reads_what_track_writes(film, tmp_path):
     assert abs(fit.parameters["mu"].point - 0.56) < 0.05
 
 
-def test_frames_of_the_film_are_told_one_by_one(film):
-    own = film.tracks[film.tracks["id"] == "1"]
-    assert [*own["role"].unique()] == ["before", "contact", "after"]
-    contact = own["role"] == "contact"
-    assert own.loc[contact, ["outlier", "residual_x [m]"]].isna().all(axis=None)
-    flying = own.loc[~contact]
+def test_the_frames_of_the_film_have_roles_and_outliers(film):
+    frames = film.tracks[film.tracks["id"] == "1"]
+    assert [*frames["role"].unique()] == ["before", "contact", "after"]
+    contact = frames["role"] == "contact"
+    assert frames.loc[contact, ["outlier", "residual_x [m]"]].isna().all(axis=None)
+    flying = frames.loc[~contact]
     assert flying["outlier"].between(0.0, 1.0).all()
     assert flying["residual_y [m]"].abs().median() < 2e-3
     assert set(film.refused) == {"7"}
     assert sum(film.spins["used"] == "yes") == film.impacts["omega_1 [rad/s]"].notna().sum()
 
 
-def test_the_page_says_what_was_found_and_runs_nothing(film):
+def test_the_page_has_all_impacts_and_runs_nothing(film):
     html = film._repr_html_()
     text = film.report()
     assert "<script>alert" not in html
@@ -127,13 +127,13 @@ def test_the_page_says_what_was_found_and_runs_nothing(film):
     )
     ends = bars(session[0])[0][:, :, 1]
     assert_allclose(0.5 * (ends[:, 1] - ends[:, 0]), sd, rtol=1e-9)
-    own = film.tracks[film.tracks["id"] == "1"]
+    frames = film.tracks[film.tracks["id"] == "1"]
     rings = [line for line in film.plot("track-1").axes[0].lines if line.get_markersize() == 8]
-    assert sum(len(line.get_xdata()) for line in rings) == (own["outlier"] > 0.5).sum()
+    assert sum(len(line.get_xdata()) for line in rings) == (frames["outlier"] > 0.5).sum()
     # The contact lies between the flights.
     ends = (
-        own.loc[own["role"] == "after", "t [s]"].min()
-        - own.loc[own["role"] == "before", "t [s]"].max()
+        frames.loc[frames["role"] == "after", "t [s]"].min()
+        - frames.loc[frames["role"] == "before", "t [s]"].max()
     )
     assert film.plot("track-1").axes[1].patches[0].get_width() == pytest.approx(1e3 * ends)
 
@@ -144,11 +144,11 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     filmed(bounces(3, rng), Camera(500), rng).to_csv("clip.csv", index=False)
     (tmp_path / "clip.toml").write_text("[camera]\nfps = 500.0\ncourt = 0.0\n")
     assert cli.main(["track", "clip.csv", "--json", "--figures", "none"]) == 0
-    found = json.loads(capsys.readouterr().out)["frames"]
-    assert len(found["impacts"]) == 3
-    assert len(found["session"]) == 1
+    printed = json.loads(capsys.readouterr().out)["frames"]
+    assert len(printed["impacts"]) == 3
+    assert len(printed["session"]) == 1
     again = pd.read_csv("fits/clip/track/impacts.csv")
-    assert again["v_x1 [m/s]"].tolist() == [row["v_x1 [m/s]"] for row in found["impacts"]]
+    assert again["v_x1 [m/s]"].tolist() == [row["v_x1 [m/s]"] for row in printed["impacts"]]
     # What is stated on the line holds over the scene.
     assert cli.main(["track", "clip.csv", "--fps", "25", "--out", "x"]) == 2
     assert "frames/s" in capsys.readouterr().err
