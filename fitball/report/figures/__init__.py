@@ -21,8 +21,9 @@ Place: TypeAlias = Literal[
 
 
 class FitFigure(NamedTuple):
-    """What `draw` makes of a fit that `has_data` for it. The `caption` is a text, or a function of
-    the fit where it depends on that. The page has it at a `place`, and shows it unasked if `usual`.
+    """A figure that `draw` makes of a fit for which `has_data` is true. The `caption` is a text, or
+    a function of the fit where it depends on that. The page has the figure at its `place`; a figure
+    that is not `usual` is drawn only where all figures are wanted.
     """
 
     draw: Callable[[Fitted], Figure]
