@@ -27,8 +27,8 @@ from fitball.inference.judgement.noise_tests import growth_test, linked_tests, o
 from fitball.inference.judgement.patterns import covariates, drifts, groups_of, slip_shape, trends
 from fitball.inference.judgement.residuals import (
     OBJECTION_CHANCE,
+    FitResiduals,
     PatternTest,
-    Residuals,
     residuals_of,
     tested_pattern,
 )
@@ -135,7 +135,7 @@ def _among_all(by_themselves: Sequence[PatternTest]) -> list[PatternTest]:
 def _shifts_of_patterns(
     problem: Problem,
     first: FirstOrder,
-    fit: Residuals,
+    fit: FitResiduals,
     tests: Sequence[PatternTest],
     derived: Sequence[Quantity],
 ) -> dict[str, float]:
@@ -152,7 +152,7 @@ def _shifts_of_patterns(
     return dict(zip(names, shifts.max(axis=1).tolist(), strict=True))
 
 
-def _too_few(problem: Problem, fit: Residuals, unseen: Mapping[str, float]) -> str:
+def _too_few(problem: Problem, fit: FitResiduals, unseen: Mapping[str, float]) -> str:
     """The sentence that the measurements of blind columns are too few to test the model."""
     measured = np.isfinite(problem.rows.y).sum(axis=0).tolist()
     return words.too_few(
@@ -166,7 +166,7 @@ def _too_few(problem: Problem, fit: Residuals, unseen: Mapping[str, float]) -> s
 # --- patterns
 
 
-def _pattern_tests(fit: Residuals) -> Iterator[PatternTest]:
+def _pattern_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     """The t tests of the patterns that differ from parameters and from each other."""
     problem = fit.problem
     first = fit.first
@@ -192,7 +192,7 @@ def _pattern_tests(fit: Residuals) -> Iterator[PatternTest]:
 
 
 def _parameter_tests(
-    fit: Residuals,
+    fit: FitResiduals,
     along_rows: Sequence[tuple[str, FloatArray]],
     groups: Sequence[tuple[str, str, FloatArray]],
     tested: list[FloatArray],
@@ -229,7 +229,7 @@ def _parameter_tests(
                 yield from tested_pattern(fit, "parameter", "", text, direction, tested)
 
 
-def _friction_pattern(fit: Residuals, slope: FloatArray) -> FloatArray:
+def _friction_pattern(fit: FitResiduals, slope: FloatArray) -> FloatArray:
     """The pattern (measurements,) of friction by its FRICTION_CHANGES, with which balls that grip
     begin to slide; its `slope` (measurements,) where the model has no answer for one of them.
     """
@@ -243,7 +243,7 @@ def _friction_pattern(fit: Residuals, slope: FloatArray) -> FloatArray:
     return fit.of_measurements(cell.z[0] - cell.z[1])
 
 
-def _camera_tests(fit: Residuals) -> Iterator[PatternTest]:
+def _camera_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     """The t tests of camera settings that nobody stated, each with the size that would explain the
     residuals. They need a column of what is between the flights, which only a film shows.
     """
@@ -277,7 +277,7 @@ def _chance_factor(tests: Sequence[PatternTest], kind: str) -> float:
     return PATTERN_FACTOR * kinds.count(kind) * total / KIND_SHARES[kind]
 
 
-def _noise_checks(fit: Residuals, point: PointFit) -> Iterator[tuple[NoiseCheck, float]]:
+def _noise_checks(fit: FitResiduals, point: PointFit) -> Iterator[tuple[NoiseCheck, float]]:
     """The check of each column's noise, and the chance of so large a noise where all of it is
     stated; 1 elsewhere.
     """
@@ -318,7 +318,7 @@ def _noise_checks(fit: Residuals, point: PointFit) -> Iterator[tuple[NoiseCheck,
 # --- the answer
 
 
-def _unseen_shares(fit: Residuals, tests: Sequence[PatternTest]) -> dict[str, float]:
+def _unseen_shares(fit: FitResiduals, tests: Sequence[PatternTest]) -> dict[str, float]:
     """For each column the share of its variance from which a trend is found as often as not."""
     shares = dict.fromkeys(fit.first.columns, 1.0)
     with_trend = {test.column for test in tests if test.kind == "trend"}
@@ -332,7 +332,7 @@ def _unseen_shares(fit: Residuals, tests: Sequence[PatternTest]) -> dict[str, fl
 
 
 def _answer_of(
-    fit: Residuals,
+    fit: FitResiduals,
     tests: Sequence[PatternTest],
     noise: Sequence[tuple[NoiseCheck, float]],
     unseen: Mapping[str, float],
@@ -356,7 +356,7 @@ def _answer_of(
     return "describes"
 
 
-def _missed_share(fit: Residuals, smooth: Sequence[PatternTest], test: PatternTest) -> float:
+def _missed_share(fit: FitResiduals, smooth: Sequence[PatternTest], test: PatternTest) -> float:
     """The share of the variance of a test's column that the model misses: what its pattern
     explains, or what all smooth patterns of the column do together, beyond what as many
     meaningless ones would.

@@ -16,7 +16,7 @@ from fitball.base.values import FloatArray, IntArray
 from fitball.inference.judgement import adequacy_words as words
 from fitball.inference.judgement.first_order import FirstOrder
 from fitball.inference.judgement.patterns import covariates
-from fitball.inference.judgement.residuals import PatternTest, Residuals
+from fitball.inference.judgement.residuals import FitResiduals, PatternTest
 
 # Rows from which growth, links and outliers are tested: each compares noises, of which fewer rows
 # say little. Chosen by hand.
@@ -57,7 +57,7 @@ def farthest(
     return best + 1, float(np.exp(log_bound))
 
 
-def outlier_tests(fit: Residuals) -> Iterator[PatternTest]:
+def outlier_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     """A test of each column, of the impacts that are far off in it."""
     ids = fit.problem.table.labels["id"]
     studentised = fit.studentised
@@ -103,7 +103,7 @@ def _share_far_off(first: FirstOrder, far: IntArray, others: IntArray) -> tuple[
     return share, np.asarray(off)
 
 
-def growth_test(fit: Residuals) -> Iterator[PatternTest]:
+def growth_test(fit: FitResiduals) -> Iterator[PatternTest]:
     """A test of whether all noises grow as one power of the speed: the likelihood ratio (Harvey
     1976), times the share of degrees of freedom that the fit leaves.
     """
@@ -134,7 +134,7 @@ def growth_test(fit: Residuals) -> Iterator[PatternTest]:
     yield PatternTest("growth", "", f"the noise {verb} with v_1", p)
 
 
-def linked_tests(fit: Residuals) -> Iterator[PatternTest]:
+def linked_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     """A test of each pair of columns, of whether they deviate together, as they do where the
     incident state has errors.
     """

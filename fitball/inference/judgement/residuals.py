@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
@@ -26,22 +26,25 @@ SAME_PATTERN = 0.98
 ROUNDED_FREEDOM = 1e-9
 
 
-class Residuals(NamedTuple):
+class FitResiduals(NamedTuple):
     """The residuals of a fit, of a long table those of its thinned rows: `scaled` (measurements,)
     over the noise that their column shows, and the degrees of `freedom` (columns,) of each column.
     """
 
     problem: Problem
     first: FirstOrder
-    scaled: FloatArray
-    freedom: FloatArray
+    scaled: Annotated[FloatArray, "measurements"]
+    freedom: Annotated[FloatArray, "columns"]
 
-    def of_measurements(self, cell_values: FloatArray) -> FloatArray:
+    def of_measurements(
+        self,
+        cell_values: Annotated[FloatArray, "impacts columns"],
+    ) -> Annotated[FloatArray, "measurements"]:
         """The values (measurements,) of cells (impacts, columns) that were measured."""
         return np.asarray(cell_values[self.first.rows, self.first.column])
 
     @property
-    def studentised(self) -> FloatArray:
+    def studentised(self) -> Annotated[FloatArray, "measurements"]:
         """The scaled residuals (measurements,), each over its own sd after a refit; zero where a
         refit leaves next to nothing.
         """
@@ -71,7 +74,7 @@ class PatternTest(NamedTuple):
         return self.p < OBJECTION_CHANCE and self.size >= SMALLEST_PATTERN
 
 
-def residuals_of(problem: Problem, first: FirstOrder) -> Residuals:
+def residuals_of(problem: Problem, first: FirstOrder) -> FitResiduals:
     """The residuals of a linearisation, over the noise that those of each column show."""
     impacts, rows = np.unique(first.rows, return_inverse=True)
     count = len(first.columns)
@@ -80,15 +83,15 @@ def residuals_of(problem: Problem, first: FirstOrder) -> Residuals:
     square = np.bincount(first.column, first.residual**2, count)
     scale = np.sqrt(square / freedom)
     scaled = first.residual / np.where(scale > 0.0, scale, 1.0)[first.column]
-    return Residuals(problem.take(impacts), first._replace(rows=rows), scaled, freedom)
+    return FitResiduals(problem.take(impacts), first._replace(rows=rows), scaled, freedom)
 
 
 def tested_pattern(
-    fit: Residuals,
+    fit: FitResiduals,
     kind: str,
     column: str,
     text: str,
-    direction: FloatArray,
+    direction: Annotated[FloatArray, "measurements"],
     tested: list[FloatArray],
 ) -> Iterator[PatternTest]:
     """The t test of a pattern of deviations `direction` (measurements,).
