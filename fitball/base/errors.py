@@ -21,8 +21,16 @@ _ALIKE = 0.7
 
 
 class FitballError(Exception):
-    """Printed without traceback, exit code 2. It says what was read, where, what was expected, and
-    what to do.
+    """What a user can correct. The message says what was read, where, what was expected, and what
+    to do; the `code` is stable. The command line prints it without traceback, with exit code 2.
+
+    Example:
+        >>> import fitball
+        >>> try:
+        ...     fitball.calibrate("wang_zero_spin", model="two-mas")
+        ... except fitball.FitballError as error:
+        ...     print(error.code)
+        unknown-model
     """
 
     def __init__(self, message: str, code: str) -> None:

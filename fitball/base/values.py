@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,11 +29,18 @@ _LARGEST = 1e6
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball: `mass` [kg], outer `radius` [m], moment of inertia over M R^2. Raises ParameterError
-    (`ball`).
+    """A ball: `mass` [kg], outer `radius` [m], and `inertia_ratio`, moment of inertia over M R^2.
 
     The defaults are Wang's balls: 0.127 lb and 1.3 in (Jafri 2004, Appendix B), and the inertia of
     the bifilar test (Table 8), which agrees with the theory of thick shells.
+
+    Raises:
+        ParameterError: a constant is no positive number of a possible size (`ball`).
+
+    Example:
+        >>> import fitball
+        >>> fitball.Ball(mass=0.058)
+        Ball(mass=0.058, radius=0.03302, inertia_ratio=0.56)
     """
 
     mass: float = 0.0576
@@ -60,6 +67,11 @@ class Impacts:
 
     Unchecked: a camera or an error may make `v_y1 <= 0`, which has no answer; `impacts()` refuses
     it.
+
+    Example:
+        >>> import fitball
+        >>> len(fitball.impacts([16.0, 14.0], [5.8, 7.0]))
+        2
     """
 
     v_x1: FloatArray
@@ -70,28 +82,58 @@ class Impacts:
         return int(self.v_x1.shape[-1])
 
     def polar(self) -> tuple[FloatArray, FloatArray]:
-        """Speed [m/s], and angle between velocity and court [rad], 0 to pi."""
+        """Speed [m/s], and angle between velocity and court [rad], 0 to pi, each shaped as `v_x1`.
+
+        Example:
+            >>> import fitball
+            >>> speed, angle = fitball.impacts(3.0, 4.0).polar()
+            >>> float(speed[0]), round(float(angle[0]), 3)
+            (5.0, 0.927)
+        """
         return np.hypot(self.v_x1, self.v_y1), np.arctan2(self.v_y1, self.v_x1)
 
-    def moved(self, errors: FloatArray) -> Impacts:
-        """The impacts with errors (..., impacts, 3)."""
+    def moved(self, errors: Annotated[FloatArray, "... impacts 3"]) -> Impacts:
+        """The impacts with errors added to `v_x1` and `v_y1` [m/s] and `omega_1` [rad/s].
+
+        Example:
+            >>> import fitball
+            >>> import numpy as np
+            >>> moved = fitball.impacts(16.0, 5.0).moved(np.array([[0.5, 0.0, 0.0]]))
+            >>> float(moved.v_x1[0])
+            16.5
+        """
         return Impacts(
             self.v_x1 + errors[..., 0],
             self.v_y1 + errors[..., 1],
             self.omega_1 + errors[..., 2],
         )
 
-    def take(self, rows: IntArray) -> Impacts:
-        """The impacts with these row numbers, of every draw."""
+    def take(self, rows: Annotated[IntArray, "rows"]) -> Impacts:
+        """The impacts with these row numbers, of every draw.
+
+        Example:
+            >>> import fitball
+            >>> import numpy as np
+            >>> fitball.impacts([16.0, 14.0], 5.0).take(np.array([1])).v_x1.tolist()
+            [14.0]
+        """
         return Impacts(self.v_x1[..., rows], self.v_y1[..., rows], self.omega_1[..., rows])
 
 
 def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0) -> Impacts:
-    """Impacts (impacts,) from numbers or arrays in SI, broadcast. Raises ParameterError (`impacts`)
-    on NaN, unequal shapes, and `v_y1 <= 0`.
+    """Impacts from numbers or arrays (impacts,) in SI: `v_x1` and `v_y1` [m/s], `omega_1` [rad/s];
+    a single number holds for all.
+
+    Raises:
+        ParameterError: NaN or infinity, unequal lengths, or `v_y1 <= 0` (`impacts`).
+
+    Example:
+        >>> import fitball
+        >>> fitball.impacts([16.0, 14.0], [5.8, 7.0]).omega_1.tolist()
+        [0.0, 0.0]
     """
-    given = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1}
-    arrays = {name: _numbers(name, values) for name, values in given.items()}
+    columns = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": omega_1}
+    arrays = {name: _numbers(name, values) for name, values in columns.items()}
     shapes = {name: array.shape for name, array in arrays.items()}
     lengths = {array.size for array in arrays.values()} - {1}
     if len(lengths) > 1 or any(len(shape) > 1 for shape in shapes.values()):
@@ -106,7 +148,9 @@ def impacts(v_x1: ArrayLike, v_y1: ArrayLike, omega_1: ArrayLike = 0.0) -> Impac
 
 
 def _numbers(name: str, values: ArrayLike) -> FloatArray:
-    """Finite numbers, of `v_y1` positive ones; masked is missing."""
+    """The values of a column as an array of finite numbers, of `v_y1` positive ones; what is masked
+    is missing.
+    """
     try:
         array = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
     except (TypeError, ValueError, OverflowError):
@@ -115,10 +159,10 @@ def _numbers(name: str, values: ArrayLike) -> FloatArray:
             "impacts",
         ) from None
     good = np.isfinite(array) & ((name != "v_y1") | (array > 0.0))
-    for place in np.flatnonzero(~good)[:1]:
+    for impact in np.flatnonzero(~good)[:1]:
         wanted = "a positive speed towards the court" if name == "v_y1" else "a finite number"
         raise ParameterError(
-            f"{name}: read {array.flat[place]} for impact {place + 1}; expected {wanted}",
+            f"{name}: read {array.flat[impact]} for impact {impact + 1}; expected {wanted}",
             "impacts",
         )
     return array

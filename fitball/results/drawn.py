@@ -19,7 +19,14 @@ from fitball.results.result import Result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drawn(Result):
-    """Figures of a fit as files; its numbers are those of the fit."""
+    """Figures of a fit as files; its numbers are those of the fit.
+
+    Example:
+        >>> import fitball
+        >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+        >>> fitball.plot(fit, "curves")
+        <Drawn: curves, as png>
+    """
 
     plotted: Plotted
 
@@ -28,17 +35,38 @@ class Drawn(Result):
 
     @property
     def notes(self) -> tuple[Note, ...]:  # type: ignore[override]
-        """Which figures the fit has no data for."""
+        """Which figures the fit has no data for, where all were asked for.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> [note.code for note in fitball.plot(fit).notes]
+            ['not-drawn']
+        """
         return self.plotted.notes
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the figures."""
+        """Names of the figures, in the order in which they were asked for.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fitball.plot(fit, "residuals,curves").names
+            ('residuals', 'curves')
+        """
         return self.plotted.names
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """No frames: the fit has them."""
+        """An empty mapping: the fit has the numbers.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fitball.plot(fit, "curves").frames
+            {}
+        """
         return {}
 
     @property
@@ -55,6 +83,17 @@ class Drawn(Result):
     ) -> tuple[Path, ...]:
         """Write the figures beside what the folder has, in place of older ones of the same names,
         and return their paths.
+
+        Raises:
+            FolderError: another run holds the folder (`folder-in-use`), or it cannot be made or
+                written (`no-folder`, `not-written`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> paths = fitball.plot(fit, "curves", format="svg").save("figures")
+            >>> [path.name for path in paths]
+            ['curves.svg']
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), wait=WAIT) as locked:

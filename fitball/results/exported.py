@@ -18,6 +18,11 @@ from fitball.results.result import Result
 class Exported(Result):
     """Files by name; `save` writes them alone, and without a folder the command line prints the
     text.
+
+    Example:
+        >>> import fitball
+        >>> fitball.export(model="two-mass", to="json")
+        <Exported: parameters.json>
     """
 
     record: ClassVar[str] = ""
@@ -29,15 +34,43 @@ class Exported(Result):
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """No frames: the numbers are in the files."""
+        """An empty mapping: the numbers are in the files.
+
+        Example:
+            >>> import fitball
+            >>> exported = fitball.export(model="two-mass", to="json")
+            >>> exported.frames
+            {}
+        """
         return {}
 
     def plot(self, name: str) -> Figure:
-        """No figure. Raises ParameterError (`unknown-figure`)."""
+        """An export has no figures.
+
+        Raises:
+            ParameterError: whatever the name (`unknown-figure`).
+
+        Example:
+            >>> import fitball
+            >>> exported = fitball.export(model="two-mass", to="json")
+            >>> exported.plot("curves")
+            Traceback (most recent call last):
+            fitball.base.errors.ParameterError: ...
+        """
         raise ParameterError(f"no figure '{name}': an export has none", "unknown-figure")
 
     def report(self, **_options: Any) -> str:
-        """The text itself. Raises ParameterError (`no-text`) of a file that has none."""
+        """The text of the files itself.
+
+        Raises:
+            ParameterError: a file is no text (`no-text`).
+
+        Example:
+            >>> import fitball
+            >>> exported = fitball.export(model="two-mass", to="json")
+            >>> print(exported.report()[:1])
+            {
+        """
         for name, content in self.contents.items():
             if isinstance(content, bytes):
                 raise ParameterError(
@@ -50,7 +83,14 @@ class Exported(Result):
         return f"<p>{listed(self.contents)}: save(folder) writes it.</p>"
 
     def json(self) -> dict[str, Any]:
-        """The texts by name."""
+        """The texts by name, under `files`, with notes and exit code, as `--json` prints them.
+
+        Example:
+            >>> import fitball
+            >>> exported = fitball.export(model="two-mass", to="json")
+            >>> list(exported.json()["files"])
+            ['parameters.json']
+        """
         texts = {
             name: content for name, content in self.contents.items() if isinstance(content, str)
         }
@@ -59,8 +99,17 @@ class Exported(Result):
     def save(
         self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: Any
     ) -> tuple[Path, ...]:
-        """Write the files and nothing else. Raises FolderError as `result_folder`, and
-        `older-result` where one is there already.
+        """Write the files and nothing else, and return their paths.
+
+        Raises:
+            FolderError: a file is there already (`older-result`), another run holds the folder
+                (`folder-in-use`), or it cannot be made or written (`no-folder`, `not-written`).
+
+        Example:
+            >>> import fitball
+            >>> exported = fitball.export(model="two-mass", to="json")
+            >>> [path.name for path in exported.save("exports")]
+            ['parameters.json']
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder)) as held:

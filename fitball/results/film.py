@@ -12,6 +12,11 @@ from fitball.tracks.film import Filmed
 class Film(Filmed, Result):
     """Impacts found on film: `table` has them as `calibrate` takes them, `refused` says why other
     clips have none.
+
+    Example:
+        >>> import fitball
+        >>> fitball.track("table_tennis_topspin")
+        <Film: impacts (11 rows), tracks (375 rows) and session (1 row)>
     """
 
     record: ClassVar[str] = "impacts.csv"
@@ -19,7 +24,13 @@ class Film(Filmed, Result):
 
     @classmethod
     def of(cls, filmed: Filmed) -> Film:
-        """Impacts found on film as a result."""
+        """Impacts found on film as a result.
+
+        Example:
+            >>> import fitball
+            >>> fitball.Film.of(fitball.track("table_tennis_topspin"))
+            <Film: impacts (11 rows), tracks (375 rows) and session (1 row)>
+        """
         film = cls.__new__(cls)
         film.__dict__.update(filmed.__dict__)
         return film

@@ -21,6 +21,12 @@ else:
 class Fit(Fitted, Result):
     """A calibration: `report()`, `plot(name)`, `save(folder)`; `summary` has each parameter with
     its interval and verdict; its methods predict, plan, simulate, compare and export.
+
+    Example:
+        >>> import fitball
+        >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+        >>> list(fit.parameters)
+        ['mu', 'cor_10', 'cor_slope', 'v_x_sd', 'v_y_sd', 'spin_sd']
     """
 
     record: ClassVar[str] = "fit.json"
@@ -31,14 +37,28 @@ class Fit(Fitted, Result):
 
     @classmethod
     def of(cls, fitted: Fitted) -> Fit:
-        """A calibration as a result, with all that was computed of it."""
+        """A calibration as a result, with all that was computed of it.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fitball.Fit.of(fit) == fit
+            True
+        """
         fit = cls.__new__(cls)
         fit.__dict__.update(fitted.__dict__)
         return fit
 
     @property
     def exit_code(self) -> int:
-        """1 if the posterior did not converge."""
+        """1 if the posterior did not converge, else 0.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fit.exit_code
+            0
+        """
         return int(self.status == "not converged")
 
     @property
@@ -49,8 +69,18 @@ class Fit(Fitted, Result):
 
     def predict(self, data: Any = None, *, impact: str = "", level: Pairs = None) -> Frames:
         """Predict rebounds of new impacts, of a table `data` or of an `impact` in words, and
-        compare them with what was measured: `fitball.predict` says more. Raises ParameterError
-        (`no-impacts`, `impact`, `unknown-label`), InputError.
+        compare them with what was measured: `fitball.predict` says more.
+
+        Raises:
+            ParameterError: neither a table nor words, or both (`no-impacts`); words that cannot be
+                read (`impact`); an unknown level (`unknown-label`).
+            InputError: the table has faults (the code is that of the first).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fit.predict(impact="v_1=17, theta_1=10..60 deg:6")
+            <Frames: predictions (24 rows) and scores (0 rows)>
         """
         from fitball.base.errors import ParameterError
         from fitball.data.read import load_table, reading_of
@@ -82,7 +112,16 @@ class Fit(Fitted, Result):
         sensor: Pairs = None,
     ) -> Frames:
         """Choose the impacts, and the way of measuring them, that would say most about a target:
-        `fitball.plan` says more. Raises ParameterError.
+        `fitball.plan` says more.
+
+        Raises:
+            ParameterError: a target, range, level, sensor or count is unknown or impossible.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody")
+            >>> len(fit.plan(target="mu", count=2).frames["plan"])
+            2
         """
         from fitball.report import plan as page
         from fitball.uses.plan import plan
@@ -96,7 +135,19 @@ class Fit(Fitted, Result):
 
     def simulate(self, *, impact: str, level: Pairs = None) -> Frames:
         """Follow one impact through time at the best values, with the band of the posterior:
-        `fitball.simulate` says more. Raises ParameterError, ModelError.
+        `fitball.simulate` says more.
+
+        Raises:
+            ParameterError: the impact cannot be read (`impact`), or the level is unknown
+                (`unknown-label`).
+            ModelError: the model has no time axis, or no answer to this impact.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="thesis-exact", point_only=True)
+            >>> fit.simulate(impact="v_1=17, theta_1=20 deg").frames["impact"]["v_y1"].round(2)
+            0    5.81
+            Name: v_y1, dtype: float64
         """
         from fitball.report import simulate as page
         from fitball.uses.simulate import simulate_fit
@@ -114,7 +165,17 @@ class Fit(Fitted, Result):
         """Fit several models to the table of this fit, with its priors, fixed values, pool, noise
         and seed, and score each by its predictions of impacts that are left out: `fitball.compare`
         says more. Without `models` the fit's own is among those that can differ on this table.
-        Raises ParameterError, ModelError, FitError.
+
+        Raises:
+            ParameterError: an option is unknown or out of bounds.
+            ModelError: there is no such model, or it cannot be compared.
+            FitError: a model cannot be fitted to the table.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fit.compare(models="brody,grip-slip")
+            <Frames: ...>
         """
         from fitball.base.progress import shown
         from fitball.inference.effort import Effort
@@ -128,14 +189,35 @@ class Fit(Fitted, Result):
 
     def export(self, *, to: str, level: Pairs = None, at: str = "") -> Exported:
         """Parameters, or the bounce itself as source code, for another program; `to` is the
-        format: `fitball.export` says more. Raises ParameterError.
+        format: `fitball.export` says more.
+
+        Raises:
+            ParameterError: a format, level or impact is unknown or impossible.
+            ModelError: the model has no source code to export (`no-port`).
+            FitError: a point fit has no draws to export (`no-draws`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fit.export(to="json")
+            <Exported: parameters.json>
         """
         from fitball.exports import export
 
         return Exported(export(self, to, level=dict(level or {}), fix={}, at=at))
 
     def to_datatree(self) -> DataTree:
-        """Draws, densities, predictions and data as ArviZ takes them."""
+        """Draws, densities, predictions and data as ArviZ takes them.
+
+        Raises:
+            FitError: a point fit has no draws (`no-draws`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody")
+            >>> "posterior" in fit.to_datatree().children
+            True
+        """
         from fitball.exports.arviz import datatree
 
         return datatree(self)

@@ -21,6 +21,11 @@ from fitball.report.page import Layout, Page
 class Result:
     """What a verb returns: all numbers as `frames`, what a reader must know of them as `notes`,
     and a page of both. `record` is the file that is written last.
+
+    Example:
+        >>> import fitball
+        >>> isinstance(fitball.check("wang_zero_spin"), fitball.Result)
+        True
     """
 
     record: ClassVar[str] = "report.html"
@@ -32,13 +37,25 @@ class Result:
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """All numbers, SI; each becomes `<name>.csv`."""
+        """All numbers of a result by name, in SI; each frame becomes `<name>.csv`.
+
+        Example:
+            >>> import fitball
+            >>> checked = fitball.check("wang_zero_spin")
+            >>> list(checked.frames)
+            ['table', 'faults', 'doubts']
+        """
         raise NotImplementedError
 
     @property
     def exit_code(self) -> int:
         """1 if the run finished and its own checks failed, such as a posterior that did not
-        converge.
+        converge, else 0.
+
+        Example:
+            >>> import fitball
+            >>> fitball.check("wang_zero_spin").exit_code
+            0
         """
         return 0
 
@@ -54,6 +71,12 @@ class Result:
     def report(self, *, full: bool = True, width: int = 100, colour: bool = False) -> str:
         """The report as text of `width` columns; without `full` the summary alone, as in a
         notebook.
+
+        Example:
+            >>> import fitball
+            >>> checked = fitball.check("wang_zero_spin")
+            >>> checked.report(full=False).splitlines()[0]
+            'Check of a table'
         """
         from fitball.report.render import to_text
 
@@ -65,8 +88,17 @@ class Result:
         return to_notebook(self._report)
 
     def plot(self, name: str) -> Figure:
-        """A figure outside of pyplot. Raises ParameterError (`unknown-figure`, `no-such-data`)
-        with those it has.
+        """A figure by its name, outside of pyplot.
+
+        Raises:
+            ParameterError: the result has no such figure, with the names of those that it has
+                (`unknown-figure`), or no data for it (`no-such-data`).
+
+        Example:
+            >>> import fitball
+            >>> simulated = fitball.simulate(impact="v_1=25, theta_1=20 deg")
+            >>> figure = simulated.plot("history")
+            >>> figure.savefig("history.pdf")
         """
         from fitball.report.style import draw_styled
 
@@ -79,6 +111,12 @@ class Result:
     def json(self) -> dict[str, Any]:
         """Frames, notes and exit code, as `--json` prints them: rows by column, null for what is no
         finite number.
+
+        Example:
+            >>> import fitball
+            >>> checked = fitball.check("wang_zero_spin")
+            >>> list(checked.json())
+            ['frames', 'notes', 'exit_code']
         """
         return {
             "frames": {name: _rows(frame) for name, frame in self.frames.items()},
@@ -96,8 +134,17 @@ class Result:
     ) -> tuple[Path, ...]:
         """Write page, figures, frames and files, the record last, and return their paths. Figures
         are those that the page shows unasked, or all that it has a place for. A `ResultFolder` is
-        locked already (the command line locks before a long run). Raises FolderError as
-        `result_folder`.
+        locked already (the command line locks before a long run).
+
+        Raises:
+            FolderError: the folder is in use (`folder-in-use`), has an older result
+                (`older-result`), or cannot be made or written (`no-folder`, `not-written`).
+
+        Example:
+            >>> import fitball
+            >>> checked = fitball.check("wang_zero_spin")
+            >>> [path.name for path in checked.save("checked", figures=False)][-1]
+            'report.html'
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), overwrite=overwrite, record=self.record) as locked:
@@ -140,6 +187,11 @@ def _rows(frame: DataFrame) -> list[dict[str, Any]]:
 class Frames(Result):
     """A result that is its frames: findings and their page, as check, compare, predict, plan,
     simulate, rederive and bench return them.
+
+    Example:
+        >>> import fitball
+        >>> fitball.check("wang_zero_spin")
+        <Frames: table (7 rows), faults (0 rows) and doubts (0 rows)>
     """
 
     findings: Findings
@@ -147,17 +199,35 @@ class Frames(Result):
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """The frames of the findings."""
+        """All numbers of the findings by name, in SI.
+
+        Example:
+            >>> import fitball
+            >>> fitball.check("wang_zero_spin").frames["table"].shape
+            (7, 8)
+        """
         return self.findings.frames
 
     @property
     def notes(self) -> tuple[Note, ...]:  # type: ignore[override]
-        """The notes of the findings."""
+        """What a reader must know of the findings: notes with a stable `code` and a `text`.
+
+        Example:
+            >>> import fitball
+            >>> {note.code for note in fitball.check("wang_zero_spin").notes}
+            {'disagreement'}
+        """
         return self.findings.notes
 
     @property
     def exit_code(self) -> int:
-        """1 if the findings `failed`."""
+        """1 if the computation finished and its own checks failed, else 0.
+
+        Example:
+            >>> import fitball
+            >>> fitball.check({"v_y1": [7.0]}).exit_code
+            1
+        """
         return int(self.findings.failed)
 
     @property
