@@ -18,6 +18,7 @@ WITHOUT = {
     "Scene.assumed",
     "Scene.ball_sd",
     "Scene.ball_value",
+    "Scene.slow_drag",
     "load_scene",
     "load_table",
 }

@@ -264,7 +264,7 @@ class Fitted:
             >>> height.spec.unit
             'm'
             >>> height.rule(fit.draws.best).round(2)
-            array([1.36])
+            array([1.26])
         """
         if name not in self._quantities:
             raise ParameterError(
