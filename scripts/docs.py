@@ -100,7 +100,7 @@ def units_table() -> str:
 
 def scene_value(kind: object) -> str:
     """What a key of a scene takes, in words."""
-    if isinstance(kind, scenes._Size):
+    if isinstance(kind, scenes._Range):
         # Limits that large are none.
         if kind.low > -1e300:
             return f"{kind.low:g} to {kind.high:g} {kind.unit}"

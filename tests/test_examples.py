@@ -14,13 +14,6 @@ from fitball import cli
 WITHOUT = {
     "Film.frames",
     "Film.table",
-    "Scene",
-    "Scene.assumed",
-    "Scene.ball_sd",
-    "Scene.ball_value",
-    "Scene.slow_drag",
-    "load_scene",
-    "load_table",
 }
 
 

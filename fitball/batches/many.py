@@ -27,6 +27,7 @@ from fitball.batches import rows
 from fitball.batches.batch import Batch
 from fitball.batches.rows import HEAD, TableRecord
 from fitball.batches.tables import tables_by_name
+from fitball.data.read import TableSource
 from fitball.data.scene import Scene, load_scene
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
@@ -123,7 +124,7 @@ def batch_of(folder: Path, records: Sequence[TableRecord], user_model: Model | N
     return Batch(folder, tables, rows.populations(by_name), quantities, (), user_model)
 
 
-def _record(task: Task, named_source: tuple[str, object]) -> TableRecord:
+def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:
     """The record of a table. Raises FitballError alone: a table does not stop the others."""
     name, source = named_source
     try:
@@ -135,7 +136,7 @@ def _record(task: Task, named_source: tuple[str, object]) -> TableRecord:
         raise MachineError(text, "fault-of-fitball") from error
 
 
-def _fitted(task: Task, name: str, source: object) -> Fit:
+def _fitted(task: Task, name: str, source: TableSource) -> Fit:
     """The fit of a table, from its folder if that has the same. Raises FitballError."""
     problem, user_model = problem_from_sources([source], **task.options)
     folder_of_table = task.folder.path / name

@@ -19,12 +19,12 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 
-# Begins a prior that is a published one.
+# Text before the key of a published prior.
 PUBLISHED = "literature:"
 
 
 def datasets_folder() -> Path:
-    """Where the files are: in the installed package, or beside it in a checkout."""
+    """The folder of the bundled files: in the installed package, or beside it in a checkout."""
     package = Path(str(files("fitball")))
     installed = package / "_datasets"
     return installed if installed.is_dir() else package.parent / "datasets"
@@ -33,15 +33,19 @@ def datasets_folder() -> Path:
 def descriptions(kind: str = "") -> dict[str, str]:
     """Descriptions of the bundled tables (or, of kind "tracks", films), by name."""
     by_name = {}
-    for place in sorted((datasets_folder() / kind).glob("*.csv")):
-        scene = tomllib.loads(place.with_suffix(".toml").read_text(encoding="utf-8"))
-        by_name[place.stem] = str(scene["source"]["description"])
+    for path in sorted((datasets_folder() / kind).glob("*.csv")):
+        text = path.with_suffix(".toml").read_text(encoding="utf-8")
+        scene = tomllib.loads(text)
+        by_name[path.stem] = str(scene["source"]["description"])
     return by_name
 
 
 def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
-    """The file that a path, or the name of a bundled table (of kind "tracks": film), means; a path
-    that exists wins. Raises FolderError (`not-found`).
+    """The file of a source: its path, or the name of a bundled table (of kind "tracks": film). A
+    path that exists wins over a name.
+
+    Raises:
+        FolderError: There is no such file, and no bundled one of this name (`not-found`).
     """
     path = Path(source)
     text = os.fspath(source)
@@ -65,8 +69,8 @@ def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
 
 
 def printed_table(name: str) -> DataFrame:
-    """A printed table of Jafri (2004) such as `appendix_c`; a column with any text, such as 2/3, is
-    one of texts.
+    """A printed table of Jafri (2004), such as `appendix_c`. A column in which any cell is a text,
+    such as 2/3, has texts only.
     """
     import pandas as pd
 
@@ -75,9 +79,10 @@ def printed_table(name: str) -> DataFrame:
 
 @cache
 def published_priors() -> tuple[Mapping[str, str], ...]:
-    """Published priors: parameter, key, distribution, value [SI] and sd (of a lognormal the median
-    and the sd of the logarithm, of a half-t scale and freedom), source, and a note on what the
-    value and its width are.
+    """Published priors: rows with parameter, key, distribution, value, sd, source, note.
+
+    Value and sd are in SI; of a lognormal they are the median and the sd of the logarithm, of a
+    half-t the scale and the degrees of freedom. The note says what the value and its width are.
     """
     with (datasets_folder() / "literature" / "priors.csv").open(
         encoding="utf-8", newline=""
@@ -86,8 +91,10 @@ def published_priors() -> tuple[Mapping[str, str], ...]:
 
 
 def published_prior(spec: ParameterSpec, key: str) -> Prior:
-    """`literature:KEY` for a parameter or a spread, with its source. Raises ParameterError
-    (`unknown-key`).
+    """The published prior `literature:KEY` of a parameter or a spread, with its source.
+
+    Raises:
+        ParameterError: No prior of this parameter has the key (`unknown-key`).
     """
     wanted = key.strip().removeprefix(PUBLISHED).strip().casefold()
     rows = {row["key"]: row for row in published_priors() if row["parameter"] == spec.name}

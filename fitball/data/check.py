@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 from fitball.base.errors import InputError
 from fitball.base.findings import Findings
 from fitball.data.bundled import descriptions, published_priors
-from fitball.data.read import TableSource, list_of_sources, load_data
+from fitball.data.read import Reading, Sources, TableSource, list_of_sources, load_data
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 
 # Columns of the frame of faults, behind the source: fields of a fault.
-_FIELDS = ("code", "row", "line", "column", "message")
+_FAULT_FIELDS = ("code", "row", "line", "column", "message")
 
 
 def check(
-    sources: TableSource, scene: Scene | str | Path | None, as_read: bool, **reading: Any
+    sources: Sources,
+    scene: Scene | str | Path | None,
+    as_read: bool,
+    **reading: Unpack[Reading],
 ) -> Findings:
-    """Frames `table` (as read), `faults` (code, row, line, column, message), `doubts`; without
-    sources `bundled`, `priors`. Raises ParameterError and FolderError as `load_data` does.
+    """Frames `table` (as read), `faults` (source, code, row, line, column, message) and `doubts`
+    (readings); without sources `bundled` (tables) and `priors` (published ones). `reading` are
+    options of `load_table`.
+
+    Raises:
+        ParameterError: An option names no column, or a source is no table (`unknown-column`,
+            `columns`, `not-a-table`, `read-already`).
+        FolderError: There is no such file (`not-found`).
     """
     import pandas as pd
 
@@ -28,37 +37,40 @@ def check(
     if not listed_sources:
         bundled = pd.DataFrame(descriptions().items(), columns=["table", "description"])
         return Findings({"bundled": bundled, "priors": pd.DataFrame(published_priors())})
-    table, errors = _tried(listed_sources, scene, reading)
+    table, errors = _read(listed_sources, scene, reading)
     notes = () if table is None else table.notices
     doubts = [hint for error in errors for hint in error.hints]
     doubts += [note.text for note in notes if note.code == "misread"]
     notes = tuple(note for note in notes if note.code != "misread")
-    faults = [
-        (error.source, *(getattr(fault, field) for field in _FIELDS))
-        for error in errors
-        for fault in error.faults
-    ]
+    faults = []
+    for error in errors:
+        for fault in error.faults:
+            fields = (getattr(fault, field) for field in _FAULT_FIELDS)
+            faults.append((error.source, *fields))
+    head = ["source", *_FAULT_FIELDS]
     frames = {
         "table": pd.DataFrame() if table is None else table.to_frame(),
-        "faults": pd.DataFrame(faults, columns=["source", *_FIELDS], dtype=object),
+        "faults": pd.DataFrame(faults, columns=head, dtype=object),
         "doubts": pd.DataFrame({"reading": doubts}),
     }
     failed = bool(faults) or (bool(doubts) and not as_read)
     return Findings(frames, notes, failed)
 
 
-def _tried(
+def _read(
     sources: list[TableSource],
     scene: Scene | str | Path | None,
-    reading: dict[str, Any],
+    reading: Reading,
 ) -> tuple[ImpactTable | None, list[InputError]]:
-    """All tables as one, None where they cannot be, and the errors: of several tables those of
-    each, then those of all together.
+    """The tables joined, None where they cannot be read or joined, and the errors: of several
+    tables those of each, then those of all together.
     """
     errors = dict[str, InputError]()
     table = None
-    attempts = [[source] for source in sources] if len(sources) > 1 else []
-    for attempt in (*attempts, sources):
+    attempts = [sources]
+    if len(sources) > 1:
+        attempts = [*([source] for source in sources), sources]
+    for attempt in attempts:
         try:
             table = load_data(attempt, scene, True, **reading)[0]
         except InputError as error:

@@ -1,4 +1,4 @@
-"""The road from a source to a table.
+"""From a source to a table: the whole road, and what every fit begins with.
 
 Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> heights become speeds ->
 contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the way and refused
@@ -8,18 +8,19 @@ together.
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
 from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.base.options import Names
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
-from fitball.base.values import Ball, FloatArray, IntArray
+from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
@@ -31,25 +32,35 @@ from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.scene import Scene, load_scene
 from fitball.data.table import ImpactTable, join_tables
 
-# A table, a file, `book.xlsx#sheet`, the name of a bundled one, a data frame, or columns by name.
-TableSource: TypeAlias = Any
-Names: TypeAlias = str | Sequence[str]
-# Columns (rows,) by name, NaN in gaps.
-Columns: TypeAlias = dict[str, FloatArray]
+# A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
+TableSource: TypeAlias = ImpactTable | str | Path | DataFrame | Mapping[str, object]
+# Several sources, one, or none.
+Sources: TypeAlias = Sequence[TableSource] | TableSource | None
+# Columns (rows,) in SI by name, NaN in gaps.
+_Columns: TypeAlias = dict[str, FloatArray]
+
+
+class Reading(TypedDict, total=False):
+    """Options of `load_table` that verbs pass on."""
+
+    columns: Mapping[str, str] | None
+    flip: Names
+    ignore: Names
+
 
 # Columns of a table of impacts that need not be there in a table of incident states.
-_OF_ANOTHER_TABLE = (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS))
-# Fewest rows that determine the noise of a rebound; one row does not.
+_OPTIONAL_COLUMNS = (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS))
+# Fewest rows that determine the noise of a rebound.
 _LEAST_ROWS = 2
 
 
 class _Numbers(NamedTuple):
-    """Numbers of a file on their way: `columns` (rows,) in SI; correlations by pair; the sign by
-    which errors of a column turn with it.
+    """Numbers of a file: `columns` in SI, counted as fitball counts; `corr`, correlations by pair;
+    `signs`, -1 for a column whose errors changed their sign.
     """
 
-    columns: Columns
-    corr: Columns
+    columns: _Columns
+    corr: _Columns
     signs: Mapping[str, float]
 
 
@@ -62,19 +73,34 @@ def load_table(
     ignore: Names = (),
     rebound: bool = True,
 ) -> ImpactTable:
-    """A table of impacts. The scene (default: beside the file) gives names, ignored columns and the
-    ball; `columns` our names to the file's, with the unit if the header has none; `ignore` names
-    columns, `NAME_sd` or `corr`. Without `rebound` incident columns suffice, and what is said of
-    others concerns another table. Raises InputError with every fault, FolderError (`not-found`),
-    ParameterError (`unknown-column`, `not-a-table`).
+    """A table of impacts, read from a file, a DataFrame or a mapping of columns.
+
+    The `scene` (default: that in the file beside the table) gives names, ignored columns and the
+    ball. `columns` gives the file's names by fitball's, with the unit if the header has none.
+    `flip` names columns whose sign, or zero of the angle, is the other one. `ignore` names columns,
+    `NAME_sd` or `corr`. Without `rebound` incident columns suffice, and options may name columns
+    that the table does not have.
+
+    Example:
+        >>> import fitball
+        >>> columns = {"v_1 [km/h]": [60.0, 65.0], "theta_1 [deg]": [90, 90], "v_2 [m/s]": [12, 13]}
+        >>> fitball.load_table(columns).values["v_1"].round(2)
+        array([16.67, 18.06])
+
+    Raises:
+        InputError: The table cannot be read, or has faults, all of which are listed (the code of
+            the first).
+        FolderError: There is no such file (`not-found`).
+        ParameterError: An option names no column (`unknown-column`, `columns`), or the source is
+            no table (`not-a-table`).
     """
-    source, name = _place_and_name(source)
+    source, name = _located(source)
     scene = _scene(source) if scene is None else scene
     naming = Naming({**scene.columns, **(columns or {})})
     flip = _names((*_names(flip), *_names(scene.measurement.get("flip", ()))))
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
     cells = read_cells(source, naming.worth, name)
-    header = read_header(cells, naming, () if rebound else _OF_ANOTHER_TABLE)
+    header = read_header(cells, naming, () if rebound else _OPTIONAL_COLUMNS)
     if not rebound:
         present = (*header.numbers, "corr")
         flip = tuple(column for column in flip if column in present)
@@ -121,14 +147,16 @@ def _numbers_of(
     flip: Sequence[str],
     ignore: Sequence[str],
 ) -> _Numbers:
-    """The numbers of a file in SI, counted as we count, without what is ignored. Raises
+    """The numbers of a file in SI, counted as fitball counts, without what is ignored. Raises
     ParameterError (`unknown-column`).
     """
-    columns = _in_si(cells, header, ignore)
+    columns = {}
     corr = {}
-    for name in [name for name in columns if name.startswith("corr(")]:
-        pair = name.removeprefix("corr(").removesuffix(")")
-        corr[pair] = columns.pop(name)
+    for name, array in _in_si(cells, header, ignore).items():
+        if name.startswith("corr("):
+            corr[_pair_in(name)] = array
+        else:
+            columns[name] = array
     turned, signs = _turned(cells, columns, flip, header.units)
     checks.deviations(cells, turned)
     return _Numbers(turned, corr, signs)
@@ -137,7 +165,7 @@ def _numbers_of(
 def _check_physics(
     cells: TableCells,
     header: Header,
-    columns: Columns,
+    columns: _Columns,
     scene: Scene,
     rebound: bool,
 ) -> None:
@@ -146,16 +174,20 @@ def _check_physics(
     checks.missing_columns(cells, measured, header.guesses, rebound)
     if counting_columns(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, columns, header.units)
-        noises = _noises(scene)
-        checks.energy(cells, columns, header.units, scene.ball_value(), noises)
+        checks.energy(cells, columns, header.units, scene.ball_value(), _noises(scene))
 
 
-def _measured(columns: Columns) -> list[str]:
+def _pair_in(name: str) -> str:
+    """The pair A,B in the name of a column corr(A,B)."""
+    return name.removeprefix("corr(").removesuffix(")")
+
+
+def _measured(columns: _Columns) -> list[str]:
     """The columns of quantities, without their sds."""
     return [name for name in columns if name in COLUMNS]
 
 
-def _counting_values(columns: Columns) -> Columns:
+def _counting_values(columns: _Columns) -> _Columns:
     """The columns that count, each information once, incident first."""
     measured = _measured(columns)
     velocities = {*counting_columns(measured, "1"), *counting_columns(measured, "2")}
@@ -169,8 +201,8 @@ def _counting_values(columns: Columns) -> Columns:
 def _refuse_with_readings(
     cells: TableCells,
     header: Header,
-    values: Columns,
-    with_outliers: Columns,
+    values: _Columns,
+    with_outliers: _Columns,
     ball: Ball,
 ) -> None:
     """Refuse a table with faults, and say which other readings explain its columns far better,
@@ -179,19 +211,21 @@ def _refuse_with_readings(
     columns = {}
     if counting_columns(values, "1") in checks.INCIDENCES:
         columns = {name: with_outliers.get(name, array) for name, array in values.items()}
-    cells.refuse([reading.text for reading in better_readings(columns, header.units, ball)])
+    readings = better_readings(columns, header.units, ball)
+    cells.refuse([reading.text for reading in readings])
 
 
-def _sds(values: Columns, columns: Columns, rows: IntArray) -> Columns:
+def _sds(values: _Columns, columns: _Columns, rows: IntArray) -> _Columns:
     """Stated sds of the usable rows, NaN where nothing was measured."""
     sds = {}
     for name, array in values.items():
         if f"{name}_sd" in columns:
-            sds[name] = np.where(np.isnan(array), np.nan, columns[f"{name}_sd"])[rows]
+            sd = np.where(np.isnan(array), np.nan, columns[f"{name}_sd"])
+            sds[name] = sd[rows]
     return sds
 
 
-def _correlations(numbers_read: _Numbers, sds: Columns, rows: IntArray) -> Columns:
+def _correlations(numbers_read: _Numbers, sds: _Columns, rows: IntArray) -> _Columns:
     """Stated correlations of the usable rows between columns with sds."""
     corr = {}
     for pair, array in numbers_read.corr.items():
@@ -202,11 +236,11 @@ def _correlations(numbers_read: _Numbers, sds: Columns, rows: IntArray) -> Colum
     return corr
 
 
-def _refuse_covariance_file(cells: TableCells, place: Path) -> None:
-    """Add a fault where the second edition would have read correlations of the table: without them
-    its fit is another.
+def _refuse_covariance_file(cells: TableCells, path: Path) -> None:
+    """Add a fault where the second edition would have read correlations from a file beside the
+    table: without them its fit is another.
     """
-    beside = place.with_name(f"{place.stem}_covariance.csv")
+    beside = path.with_name(f"{path.stem}_covariance.csv")
     # Unlike that of Path, this answers for a name too long for the system.
     if os.path.exists(beside):  # noqa: PTH110
         text = (
@@ -219,7 +253,7 @@ def _refuse_covariance_file(cells: TableCells, place: Path) -> None:
         )
 
 
-def reading_of(table: ImpactTable) -> dict[str, Any]:
+def reading_of(table: ImpactTable) -> Reading:
     """How a table was read, as arguments of `load_table`: new impacts are read like those of the
     fit, in its units where they have none.
     """
@@ -232,9 +266,9 @@ def reading_of(table: ImpactTable) -> dict[str, Any]:
     return {"columns": columns, "flip": first.get("flip", "")}
 
 
-def _pairs(items: Mapping[str, str]) -> str:
+def _pairs(texts: Mapping[str, str]) -> str:
     """A mapping as NAME=TEXT,NAME=TEXT."""
-    return ",".join(f"{name}={text}" for name, text in items.items())
+    return ",".join(f"{name}={text}" for name, text in texts.items())
 
 
 def _from_pairs(text: str) -> dict[str, str]:
@@ -243,20 +277,23 @@ def _from_pairs(text: str) -> dict[str, str]:
     return dict(pair.split("=", 1) for pair in pairs if pair)
 
 
-def _names(option: Any) -> tuple[str, ...]:
+def _names(option: object) -> tuple[str, ...]:
     """Names of an option, each once: A,B or a sequence."""
-    names = option
-    if isinstance(option, str) and option:
-        names = option.split(",")
+    names = list[str]()
+    if isinstance(option, str):
+        names = option.split(",") if option else []
+    elif isinstance(option, Iterable):
+        names = [*option]
     return tuple(dict.fromkeys(map(str.strip, names)))
 
 
-def _place_and_name(source: TableSource) -> tuple[TableSource, str]:
-    """The file of a source, with its sheet, or the source in memory; what its table is called.
-    Raises ParameterError (`not-a-table`), FolderError (`not-found`).
+def _located(source: TableSource) -> tuple[TableSource, str]:
+    """The path of a source that is a file, with its sheet, or the source in memory; what its table
+    is called. Raises ParameterError (`not-a-table`), FolderError (`not-found`).
     """
     if isinstance(source, Mapping) or hasattr(source, "iloc"):
-        return source, str(getattr(source, "attrs", {}).get("name", "table"))
+        attributes = getattr(source, "attrs", {})
+        return source, str(attributes.get("name", "table"))
     if not isinstance(source, str | Path):
         read = f"read a table of type {type(source).__name__}"
         raise ParameterError(
@@ -264,36 +301,35 @@ def _place_and_name(source: TableSource) -> tuple[TableSource, str]:
             "not-a-table",
         )
     file, sheet = file_and_sheet(str(source))
-    place = path_of_source(file)
+    path = path_of_source(file)
     if sheet:
-        return Path(f"{place}#{sheet}"), f"{place.stem}-{sheet}"
-    return place, place.stem
+        return Path(f"{path}#{sheet}"), f"{path.stem}-{sheet}"
+    return path, path.stem
 
 
-def _scene(source: TableSource, place: str | Path | None = None) -> Scene:
-    """The scene in the file at `place`, or that beside a file of impacts."""
+def _scene(source: TableSource, path: str | Path | None = None) -> Scene:
+    """The scene in the file at `path`, or that beside a file of impacts."""
     file = None
     if isinstance(source, Path):
-        file = Path(file_and_sheet(str(source))[0])
-        if not file.is_file():
-            file = None
-    return load_scene(file, place or None)
+        name, _ = file_and_sheet(str(source))
+        if Path(name).is_file():
+            file = Path(name)
+    return load_scene(file, path or None)
 
 
-def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> Columns:
-    """Numbers (rows,) in SI without what is ignored or empty. Raises ParameterError
+def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> _Columns:
+    """Columns of numbers in SI without those that are ignored or empty. Raises ParameterError
     (`unknown-column`).
     """
 
     def is_used(name: str) -> bool:
-        parts = {name, name.removesuffix("_sd")}
+        concerned = {name, name.removesuffix("_sd")}
         if name.startswith("corr("):
-            pair = name.removeprefix("corr(").removesuffix(")")
-            parts = {"corr", *pair.split(",")}
-        return parts.isdisjoint(ignore)
+            concerned = {"corr", *_pair_in(name).split(",")}
+        return concerned.isdisjoint(ignore)
 
-    places = {name: place for name, place in header.numbers.items() if is_used(name)}
-    written = numbers(cells, places)
+    used = {name: index for name, index in header.numbers.items() if is_used(name)}
+    written = numbers(cells, used)
     for name in {*ignore} - {"corr", *header.numbers, *written}:
         hint = suggestion(name, header.numbers)
         raise ParameterError(
@@ -319,16 +355,16 @@ def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> Columns:
 
 def _turned(
     cells: TableCells,
-    columns: Columns,
+    columns: _Columns,
     flip: Sequence[str],
     units: Mapping[str, str],
-) -> tuple[Columns, dict[str, float]]:
-    """Numbers counted as we count, and the sign by which errors of a column turn with it. Raises
-    ParameterError (`unknown-column`).
+) -> tuple[_Columns, dict[str, float]]:
+    """The columns counted as fitball counts, and -1 for each whose errors changed their sign.
+    Raises ParameterError (`unknown-column`).
     """
     flipped = dict(columns)
     signs = dict[str, float]()
-    can_flip = [name for name in columns if name in COLUMNS and COLUMNS[name].opposite]
+    can_flip = [name for name in _measured(columns) if COLUMNS[name].opposite]
     for name in flip:
         if name not in can_flip:
             hint = suggestion(name, can_flip)
@@ -349,8 +385,8 @@ def _turned(
 
 
 def _noises(scene: Scene) -> dict[str, float]:
-    """Noise of rebound columns [SI] that state no errors: what the scene says, else the median of
-    its prior.
+    """Noise [SI] of rebound columns that state no errors: that in the scene, else the median of its
+    prior.
     """
     noises = {}
     for name in REBOUND:
@@ -360,7 +396,8 @@ def _noises(scene: Scene) -> dict[str, float]:
         stated = _stated_noise(scene, spec)
         if stated is None:
             usual = parse_prior(spec)
-            stated = float(usual.value(np.array(usual.location)))
+            median = usual.value(np.array(usual.location))
+            stated = float(median)
         noises[name] = stated
     return noises
 
@@ -378,10 +415,9 @@ def _stated_noise(scene: Scene, spec: ParameterSpec) -> float | None:
     return None
 
 
-def _usable_rows(cells: TableCells, values: Columns, rebound: bool) -> IntArray:
-    """Places of the rows of which the incident state and, with `rebound`, something of the rebound
-    is known; a note on the others, a fault (`few-rows`) where fewer than two are left: one does not
-    determine its noise.
+def _usable_rows(cells: TableCells, values: _Columns, rebound: bool) -> IntArray:
+    """Indices of the rows that have an incident state and, with `rebound`, at least one number of
+    the rebound. Others are noted; where too few remain, that is a fault (`few-rows`).
     """
     gaps = {name: np.isnan(array) for name, array in values.items()}
     before = [gaps[name] for name in gaps if name in INCIDENT]
@@ -391,8 +427,8 @@ def _usable_rows(cells: TableCells, values: Columns, rebound: bool) -> IntArray:
         unusable |= np.all(after, axis=0)
     usable = np.flatnonzero(~unusable)
     least = _LEAST_ROWS if rebound else 1
-    numbers_of = listed(cells.rows[unusable].astype(str)) or "none"
-    why = f"rows without incident state or rebound: {numbers_of}"
+    row_numbers = listed(cells.rows[unusable].astype(str)) or "none"
+    why = f"rows without incident state or rebound: {row_numbers}"
     if len(usable) < least and not cells.faults:
         words = f"{len(usable)} rows can be used; expected at least {least} ({why})"
         cells.fault("few-rows", words)
@@ -402,14 +438,14 @@ def _usable_rows(cells: TableCells, values: Columns, rebound: bool) -> IntArray:
 
 
 def _labels(cells: TableCells, header: Header, rows: IntArray) -> dict[str, tuple[str, ...]]:
-    """Texts of the usable rows by column, `id` first: unique, by default the number of the row;
-    others in one spelling.
+    """Texts of the usable rows by column. `id` is first, unique, and by default the number of the
+    row; other labels have the spelling of their first use.
     """
-    places = rows.tolist()
+    usable = rows.tolist()
     texts = {}
-    for name, place in header.labels.items():
-        column = cells.text(place)
-        texts[name] = [column[row] for row in places]
+    for name, index in header.labels.items():
+        column = cells.text(index)
+        texts[name] = [column[row] for row in usable]
     numbered = cells.rows[rows].astype(str).tolist()
     ids = texts.pop("id", numbered)
     unique = _unique(ids, numbered)
@@ -418,19 +454,18 @@ def _labels(cells: TableCells, header: Header, rows: IntArray) -> dict[str, tupl
     labels = {"id": tuple(unique)}
     for name, column in texts.items():
         labels[name] = first_spelled(column)
-        respelled = dict.fromkeys(
-            f"'{text.strip()}' as '{first}'"
-            for text, first in zip(column, labels[name], strict=True)
-            if text.strip() != first
-        )
+        respelled = list[str]()
+        for text, first in zip(map(str.strip, column), labels[name], strict=True):
+            if text != first:
+                respelled.append(f"'{text}' as '{first}'")
         if respelled:
-            cells.note("spellings", f"{name}: {listed(respelled)}")
+            cells.note("spellings", f"{name}: {listed(dict.fromkeys(respelled))}")
     return labels
 
 
 def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
-    """Ids; of those that are empty or repeated with the number of the row, which all are where that
-    is not enough.
+    """The ids, those that are empty or repeated with the number of the row behind them; the numbers
+    alone where that does not make them unique.
     """
     count = Counter(ids)
     unique = []
@@ -441,11 +476,24 @@ def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
 
 
 def load_data(
-    sources: TableSource, scene: Scene | str | Path | None, as_read: bool, **reading: Any
+    sources: Sources,
+    scene: Scene | str | Path | None,
+    as_read: bool,
+    **reading: Unpack[Reading],
 ) -> tuple[ImpactTable, Scene]:
-    """What every fit begins with: one or several tables joined, the scene that is passed or that
-    beside the first, doubts refused (InputError `misread`) or, `as_read`, noted. Scenes of further
-    tables must name the same ball (`scenes-differ`). Raises ParameterError (`no-data`) without any.
+    """The table and the scene of a fit: one or several tables joined; the scene that is passed, or
+    that beside the first table.
+
+    Readings that explain a table far better are refused or, `as_read`, noted. Scenes beside further
+    tables must name the same ball. `reading` are options of `load_table`.
+
+    Raises:
+        InputError: A table cannot be read or has faults, is probably misread (`misread`), or does
+            not belong to the others (`scenes-differ`, and the codes of `join_tables`).
+        ParameterError: There is no source (`no-data`), an option names no column
+            (`unknown-column`, `columns`), or a source is no table (`not-a-table`,
+            `read-already`).
+        FolderError: There is no such file (`not-found`).
     """
     pairs = [_table_and_scene(source, scene, reading) for source in list_of_sources(sources)]
     if not pairs:
@@ -455,8 +503,8 @@ def load_data(
         )
     first_scene = pairs[0][1]
     notes = list[Note]()
-    for table, own_scene in pairs:
-        if own_scene.ball != first_scene.ball:
+    for table, scene_of_table in pairs:
+        if scene_of_table.ball != first_scene.ball:
             words = (
                 "the scene beside this table names another ball than that of the first; "
                 "expected one ball, or one scene for all (--scene)"
@@ -479,29 +527,31 @@ def load_data(
     return replace(table, notices=(*table.notices, *notes)), first_scene
 
 
-def list_of_sources(sources: TableSource) -> list[TableSource]:
-    """The sources of one argument: those of a list, one, or none (None)."""
+def list_of_sources(sources: Sources) -> list[TableSource]:
+    """The sources of an argument that is a sequence of them, a single source, or None."""
     if sources is None:
         return []
-    return [*sources] if isinstance(sources, list | tuple) else [sources]
+    if isinstance(sources, Sequence) and not isinstance(sources, str | bytes):
+        return [*sources]
+    return [sources]
 
 
 def _table_and_scene(
     source: TableSource,
     scene: Scene | str | Path | None,
-    reading: Mapping[str, Any],
+    reading: Reading,
 ) -> tuple[ImpactTable, Scene]:
-    """A table and its scene, that which is passed or that beside it. Raises ParameterError
-    (`read-already`), and what `load_table` does.
+    """A table and its scene: the scene that is passed, or that beside the table. Raises what
+    `load_table` raises, and ParameterError (`read-already`).
     """
     if isinstance(source, ImpactTable):
         if any(reading.values()):
             options = listed(reading, "or")
             words = f"{source.name} has been read already; pass {options} to load_table"
             raise ParameterError(words, "read-already")
-        place = Path(source.read[0]["source"]) if source.read else source
-        return source, scene if isinstance(scene, Scene) else _scene(place, scene)
-    place, _ = _place_and_name(source)
+        read_from = Path(source.read[0]["source"]) if source.read else source
+        return source, scene if isinstance(scene, Scene) else _scene(read_from, scene)
+    located, _ = _located(source)
     if not isinstance(scene, Scene):
-        scene = _scene(place, scene)
+        scene = _scene(located, scene)
     return load_table(source, scene=scene, **reading), scene

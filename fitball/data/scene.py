@@ -1,4 +1,5 @@
-"""Scenes: what is known besides the numbers; the type is the file, the value, a part of fit.json.
+"""Scenes: what is stated besides the measurements. The type is the file, the value and a part of
+fit.json.
 
 Sections `prior`, `fix`, `pool`, `columns` are the options of the same names, which override them.
 """
@@ -8,7 +9,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from math import pi
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeGuard
 
 import msgspec
 
@@ -21,11 +22,11 @@ from fitball.base.values import Ball
 
 
 class SceneSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A section; an unknown key is a fault."""
+    """A section of a scene file; an unknown key is a fault."""
 
 
 class ValueWithSd(SceneSection, frozen=True):
-    """A number with its sd, which is fitted; a plain number is held."""
+    """A number with its sd, which is fitted with this prior; a plain number is held."""
 
     value: float
     sd: float
@@ -65,11 +66,21 @@ class CameraSection(SceneSection, frozen=True):
 
 
 class Scene(SceneSection, frozen=True):
-    """What is known; SI, every section may be left out. `surface` has name, court, mu;
-    `measurement` for each noise parameter NAME (held) or nominal_NAME (median of its prior),
-    `noise`, `ignore`, `flip`; `flight` drag, lift, spin_sd and `air` of a film; `model` a name as
-    `--model` takes it, but no file to run; `laboratory` and `source` texts for reports. Raises
-    InputError (`scene`) with each key that no ball, court or instrument has.
+    """What is stated of ball, court and instruments, in SI. Every section may be left out.
+
+    `surface` has name, court, mu. `measurement` has for each noise parameter NAME (held) or
+    nominal_NAME (median of its prior), and `noise`, `ignore`, `flip`. `flight` has drag, lift and
+    spin_sd of a film, `air` its density, temperature and pressure. `model` is a name as `--model`
+    takes it, but no file to run. `laboratory` and `source` are texts for reports.
+
+    Example:
+        >>> import fitball
+        >>> scene = fitball.Scene(surface={"name": "clay"}, fix={"mu": 0.6})
+        >>> scene.surface["name"]
+        'clay'
+
+    Raises:
+        InputError: A key has a value that no ball, court or instrument has (`scene`).
     """
 
     ball: BallSection = BallSection()
@@ -92,7 +103,13 @@ class Scene(SceneSection, frozen=True):
         _refuse(_faults_of(self.ball))
 
     def ball_value(self) -> Ball:
-        """The ball at its stated values, those of a tennis ball where nothing is stated."""
+        """The ball at its stated values, those of a tennis ball where nothing is stated.
+
+        Example:
+            >>> import fitball
+            >>> fitball.Scene().ball_value()
+            Ball(mass=0.0576, radius=0.03302, inertia_ratio=0.56)
+        """
         usual = Ball()
         ball = self.ball
         mass = _number(ball.mass, usual.mass)
@@ -102,8 +119,13 @@ class Scene(SceneSection, frozen=True):
         return Ball(mass, radius, _number(ball.inertia_ratio, usual.inertia_ratio))
 
     def ball_sd(self) -> dict[str, float]:
-        """Stated sds of mass [kg], radius [m] and inertia_ratio; that of an inertia at the stated
-        mass and radius.
+        """Stated sds of mass [kg], radius [m] and inertia_ratio, by name. The sd of an inertia is
+        one of the ratio at the stated mass and radius.
+
+        Example:
+            >>> import fitball
+            >>> fitball.Scene().ball_sd()
+            {}
         """
         sds = {}
         for name in ("mass", "radius", "inertia_ratio"):
@@ -118,6 +140,11 @@ class Scene(SceneSection, frozen=True):
     def slow_drag(self) -> Coefficient:
         """The drag coefficient of falls and rises below 15 m/s: as stated in [flight], without an
         sd where the scene states none; else that of a ball of which nothing was measured.
+
+        Example:
+            >>> import fitball
+            >>> fitball.Scene(flight={"drag": 0.55}).slow_drag().value
+            0.55
         """
         stated = self.flight.get("drag")
         if isinstance(stated, ValueWithSd):
@@ -125,18 +152,24 @@ class Scene(SceneSection, frozen=True):
         return SLOW_DRAG if stated is None else Coefficient(stated, 0.0)
 
     def assumed(self) -> tuple[Note, ...]:
-        """Notes on what is assumed because nothing was stated."""
+        """Notes on what is assumed because nothing is stated.
+
+        Example:
+            >>> import fitball
+            >>> [note.code for note in fitball.Scene(surface={"mu": 0.6}).assumed()]
+            ['assumed-ball', 'no-contact-time', 'no-velocity-noise', 'no-spin-noise']
+        """
         return tuple(Note(code, f"Assumed: {text}.") for code, text in self._unstated())
 
     def _unstated(self) -> Iterator[tuple[str, str]]:
         """Codes of what is not stated, and what is assumed for it."""
         ball = self.ball
-        parts = {
+        constants = {
             "mass": ball.mass,
             "radius": ball.radius,
             "inertia": ball.inertia or ball.inertia_ratio,
         }
-        unstated = [name for name, part in parts.items() if part is None]
+        unstated = [name for name, stated in constants.items() if stated is None]
         if unstated:
             tennis = "of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
             yield "assumed-ball", f"the {listed(unstated)} {tennis}"
@@ -152,8 +185,8 @@ class Scene(SceneSection, frozen=True):
             yield "no-spin-noise", f"nothing of the noise of spins: {fitted}"
 
 
-class _Size(NamedTuple):
-    """A number, or a value with its sd, from `low` to `high` in `unit`."""
+class _Range(NamedTuple):
+    """What a key takes: a number, or a value with its sd, from `low` to `high` in `unit`."""
 
     low: float
     high: float
@@ -166,27 +199,27 @@ _NOISES |= {"velocity_sd": _NOISES["v_x_sd"]}
 # Any of these says something of the noise of velocities.
 _VELOCITY_NOISES = ("velocity_sd", "v_x_sd", "v_y_sd", "speed_sd")
 # Temperatures at which people play and measure.
-_CELSIUS = _Size(-40.0, 80.0, "degrees Celsius")
+_CELSIUS = _Range(-40.0, 80.0, "degrees Celsius")
 # True lengths or times over measured ones.
-_FACTOR = _Size(0.2, 5.0)
-# Any text.
+_FACTOR = _Range(0.2, 5.0)
+# Any text: there is no list to choose from.
 _TEXT = ()
-# What keys take: numbers, from a grain of shot to the largest ball that people throw, from the best
-# instruments to useless ones; texts to choose from, without any: all; lists of columns. A section
-# with `*` has any name.
-_KEYS: Mapping[str, _Size | tuple[str, ...] | type] = {
-    "ball.mass": _Size(1e-6, 20.0, "kg"),
-    "ball.radius": _Size(1e-4, 0.5, "m"),
-    "ball.inertia_ratio": _Size(0.01, 1.0),
-    "ball.inertia": _Size(1e-14, 5.0, "kg m^2"),
+# What keys take: numbers from a grain of shot to the largest ball that people throw, and from the
+# best instruments to useless ones; a text of a list; lists of columns. A section with `*` has keys
+# of any name.
+_KEYS: Mapping[str, _Range | tuple[str, ...] | type] = {
+    "ball.mass": _Range(1e-6, 20.0, "kg"),
+    "ball.radius": _Range(1e-4, 0.5, "m"),
+    "ball.inertia_ratio": _Range(0.01, 1.0),
+    "ball.inertia": _Range(1e-14, 5.0, "kg m^2"),
     "ball.temperature": _CELSIUS,
     "ball.type": (*BALL_TYPES,),
     "surface.name": _TEXT,
     "surface.court": _TEXT,
-    "surface.mu": _Size(1e-6, 100.0),
-    "contact_time": _Size(1e-6, 0.1, "s"),
+    "surface.mu": _Range(1e-6, 100.0),
+    "contact_time": _Range(1e-6, 0.1, "s"),
     **{
-        f"measurement.{nominal}{name}": _Size(noise.lower, noise.upper, noise.unit)
+        f"measurement.{nominal}{name}": _Range(noise.lower, noise.upper, noise.unit)
         for name, noise in _NOISES.items()
         for nominal in ("", "nominal_")
     },
@@ -195,32 +228,32 @@ _KEYS: Mapping[str, _Size | tuple[str, ...] | type] = {
     "measurement.flip": list,
     "camera.scale": _FACTOR,
     "camera.clock": _FACTOR,
-    "camera.tilt": _Size(-pi / 18.0, pi / 18.0, "rad"),
-    "camera.court_height": _Size(-0.2, 0.2, "m"),
-    "camera.fps": _Size(1.0, 1e7, "frames/s"),
-    "camera.mm_per_px": _Size(1e-4, 1e3, "mm"),
-    "camera.court": _Size(-100.0, 100.0, "m"),
+    "camera.tilt": _Range(-pi / 18.0, pi / 18.0, "rad"),
+    "camera.court_height": _Range(-0.2, 0.2, "m"),
+    "camera.fps": _Range(1.0, 1e7, "frames/s"),
+    "camera.mm_per_px": _Range(1e-4, 1e3, "mm"),
+    "camera.court": _Range(-100.0, 100.0, "m"),
     "camera.y": ("up", "down"),
     "camera.angles": ("counterclockwise", "clockwise"),
-    "camera.fold": _Size(1, 100),
-    "camera.lasting": _Size(0.0, 0.1, "m"),
-    "camera.row_time": _Size(0.0, 0.01, "s"),
-    "flight.drag": _Size(0.01, 3.0),
-    "flight.lift": _Size(-2.0, 2.0),
-    "flight.spin_sd": _Size(0.1, 1e4, "rad/s"),
-    "air.density": _Size(0.3, 2.0, "kg/m^3"),
+    "camera.fold": _Range(1, 100),
+    "camera.lasting": _Range(0.0, 0.1, "m"),
+    "camera.row_time": _Range(0.0, 0.01, "s"),
+    "flight.drag": _Range(0.01, 3.0),
+    "flight.lift": _Range(-2.0, 2.0),
+    "flight.spin_sd": _Range(0.1, 1e4, "rad/s"),
+    "air.density": _Range(0.3, 2.0, "kg/m^3"),
     "air.temperature": _CELSIUS,
-    "air.pressure": _Size(3e4, 1.2e5, "Pa"),
+    "air.pressure": _Range(3e4, 1.2e5, "Pa"),
     "model.name": _TEXT,
     "prior.*": _TEXT,
-    "fix.*": _Size(-1e300, 1e300),
+    "fix.*": _Range(-1e300, 1e300),
     "pool.*": _TEXT,
     "columns.*": _TEXT,
     "laboratory.*": _TEXT,
     "source.*": _TEXT,
 }
-# Units that people write where SI is meant.
-_MEANT = {
+# Units that people write numbers in where SI is expected, by the SI unit, with their factors.
+_UNITS_MEANT = {
     "kg": {"g": 1e-3},
     "m": {"mm": 1e-3, "cm": 1e-2},
     "s": {"ms": 1e-3},
@@ -230,36 +263,46 @@ _MEANT = {
     "rad/s": {"rpm": pi / 30.0},
     "Pa": {"hPa": 1e2},
 }
-# The most that is read of a file: one that never ends is none.
-_BYTES = 1_000_000
+# Most bytes of a scene file: some files, such as devices, never end.
+_MOST_BYTES = 1_000_000
 # Two keys of one quantity, beside NAME and nominal_NAME.
-_SAME = {"inertia": "inertia_ratio"}
+_SAME_QUANTITY = {"inertia": "inertia_ratio"}
 # Least density [kg/m^3]: what is lighter than air does not come down.
 _LIGHTEST = 1.2
 # Largest density [kg/m^3]: no matter is denser than osmium.
 _DENSEST = 22_600.0
-# Least inertia over M R^2: a ball with all of its mass at the centre has none.
+# Least inertia over M R^2: with all mass at the centre it would be zero.
 _LEAST_RATIO = 0.01
 # Least sd over its value: no instrument is better.
 _LEAST_SD = 1e-9
 
 
 def load_scene(table: str | Path | None, given: str | Path | None = None) -> Scene:
-    """The scene in the file `given`, else beside the table, or that file itself if it is a .toml,
-    else all defaults. Raises InputError (`scene`) with all faults.
+    """The scene in the file `given`, else in the .toml file beside the `table`; all defaults where
+    there is none. A `table` that ends in .toml is the scene itself.
+
+    Example:
+        >>> import fitball
+        >>> fitball.load_scene(None) == fitball.Scene()
+        True
+
+    Raises:
+        InputError: The file cannot be read, or has faults, all of which are listed (`scene`).
     """
-    place = _place_of(table, given)
-    if place is None:
+    path = _path_of_scene(table, given)
+    if path is None:
         return Scene()
     try:
+        text = _content(path).decode("utf-8-sig")
         # Dates become texts.
-        tree = msgspec.to_builtins(tomllib.loads(_content(place).decode("utf-8-sig")))
+        tree = msgspec.to_builtins(tomllib.loads(text))
         _refuse(_faults(tree))
         return msgspec.convert(tree, Scene)
     except InputError as error:
         faults = error.faults
     except msgspec.ValidationError as error:
-        # What is left: a whole number, numbers that have no sd, and one that has.
+        # What `_faults` passes: a fraction where a whole number is expected, an sd of a number that
+        # takes none, none where there must be one.
         message = str(error).replace("object", "{ value = ..., sd = ... }")
         what, _, where = message.partition(" - at `$.")
         faults = (_fault(where.rstrip("`"), what),)
@@ -267,11 +310,11 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
         words = one_line(str(getattr(error, "strerror", "") or error))
         message = f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"
         faults = (Fault("scene", message),)
-    raise InputError(str(place), faults)
+    raise InputError(str(path), faults)
 
 
-def _place_of(table: str | Path | None, scene: str | Path | None) -> Path | None:
-    """The file of a scene; None where none was named and none is beside the table."""
+def _path_of_scene(table: str | Path | None, scene: str | Path | None) -> Path | None:
+    """The file of a scene; None where no file is named and none is beside the table."""
     if scene:
         return Path(scene)
     if table is None:
@@ -282,17 +325,17 @@ def _place_of(table: str | Path | None, scene: str | Path | None) -> Path | None
     return beside if os.path.lexists(beside) else None
 
 
-def _content(place: Path) -> bytes:
+def _content(path: Path) -> bytes:
     """The bytes of a file. Raises ValueError where they are too many."""
-    with place.open("rb") as file:
-        content = file.read(_BYTES + 1)
-    if len(content) > _BYTES:
-        raise ValueError(f"more than {_BYTES:,} bytes")
+    with path.open("rb") as file:
+        content = file.read(_MOST_BYTES + 1)
+    if len(content) > _MOST_BYTES:
+        raise ValueError(f"more than {_MOST_BYTES:,} bytes")
     return content
 
 
 def _fault(key: str, message: str) -> Fault:
-    """A fault of what a key holds."""
+    """A fault of the value of a key."""
     return Fault("scene", message, column=key)
 
 
@@ -310,9 +353,12 @@ def _number(quantity: float | ValueWithSd | None, usual: float) -> float:
     return quantity.value if isinstance(quantity, ValueWithSd) else quantity
 
 
-def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
-    """Each key that does not exist, holds what it cannot, or says what another says."""
+def _faults(tree: Mapping[str, object]) -> Iterator[Fault]:
+    """Faults of a scene: keys that do not exist, values that a key does not take, two keys of one
+    quantity.
+    """
     for section, content in tree.items():
+        # The contact time is a key without a section.
         values = {"": content} if section == "contact_time" else content
         if section not in Scene.__struct_fields__:
             yield _fault(section, f"unknown key; {suggestion(section, Scene.__struct_fields__)}")
@@ -323,7 +369,7 @@ def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
             continue
         for name, value in values.items():
             key = f"{section}.{name}".rstrip(".")
-            other = _SAME.get(name, f"nominal_{name}")
+            other = _SAME_QUANTITY.get(name, f"nominal_{name}")
             words = _wrong(key, value)
             if words:
                 yield _fault(key, words)
@@ -333,14 +379,15 @@ def _faults(tree: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _wrong(key: str, value: object) -> str:
-    """What is wrong with what a key holds, in words; empty if nothing."""
+    """What is wrong with the value of a key, in words; empty if nothing is."""
     section, _, name = key.partition(".")
     takes = _KEYS.get(key, _KEYS.get(f"{section}.*"))
     read = f"read {one_line(repr(value))}"
     if takes is None:
-        names = [key.partition(".")[2] for key in _KEYS if key.startswith(f"{section}.")]
+        prefix = f"{section}."
+        names = [key.removeprefix(prefix) for key in _KEYS if key.startswith(prefix)]
         return f"unknown key; {suggestion(name, names)}"
-    if isinstance(takes, _Size):
+    if isinstance(takes, _Range):
         return _wrong_number(value, takes)
     if isinstance(takes, type):
         if isinstance(value, list | tuple) and all(isinstance(text, str) for text in value):
@@ -353,35 +400,39 @@ def _wrong(key: str, value: object) -> str:
     return ""
 
 
-def _wrong_number(stated: Any, size: _Size) -> str:
-    """What is wrong with a number, or a value and its sd, in words; empty if nothing. A positive
-    one is known better than to 100 %.
+def _wrong_number(stated: object, takes: _Range) -> str:
+    """What is wrong with a number, or a value and its sd, in words; empty if nothing is. The sd of
+    a positive number is at most the number.
     """
+    value = stated
+    sd: object = 1.0
     has_sd = isinstance(stated, dict) and stated.keys() == {"value", "sd"}
-    value, sd = (stated["value"], stated["sd"]) if has_sd else (stated, 1.0)
+    if isinstance(stated, dict) and has_sd:
+        value = stated["value"]
+        sd = stated["sd"]
     if not _is_number(value) or not _is_number(sd):
         return f"read {one_line(repr(stated))}; expected a number, or {{ value = ..., sd = ... }}"
-    if not size.low <= value <= size.high:
-        expected = f"{size.low:g} to {size.high:g} {size.unit}".rstrip()
-        return f"read {one_line(repr(value))}; expected {expected}{_meant(value, size)}"
-    most = size.high if size.low < 0.0 else value
+    if not takes.low <= value <= takes.high:
+        expected = f"{takes.low:g} to {takes.high:g} {takes.unit}".rstrip()
+        return f"read {one_line(repr(value))}; expected {expected}{_question(value, takes)}"
+    most = takes.high if takes.low < 0.0 else value
     if has_sd and not (sd > 0.0 and _LEAST_SD * abs(value) <= sd <= most):
-        hint = _meant(sd, _Size(0.0, most, size.unit)) if sd > most else ""
+        hint = _question(sd, _Range(0.0, most, takes.unit)) if sd > most else ""
         expected = f"above 0, at most {most:g}, in the unit of the value"
         return f"read sd = {sd:g}; expected {expected}{hint}"
     return ""
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     """Whether this is a number, which true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _meant(value: float, size: _Size) -> str:
-    """A question, where another unit makes the value possible; else empty."""
+def _question(value: float, takes: _Range) -> str:
+    """The question whether another unit is meant; empty where none makes the value possible."""
     possible = []
-    for unit, factor in _MEANT.get(size.unit, {}).items():
-        if size.low / factor <= value <= size.high / factor:
+    for unit, factor in _UNITS_MEANT.get(takes.unit, {}).items():
+        if takes.low / factor <= value <= takes.high / factor:
             possible.append(f"{value:g} {unit}")
     return f"; did you mean {listed(possible, 'or')}?" if possible else ""
 
@@ -396,11 +447,11 @@ def _faults_of(ball: BallSection) -> Iterator[Fault]:
     volume = 4.0 / 3.0 * pi * radius**3
     if not _LIGHTEST <= mass / volume <= _DENSEST:
         than = "denser than any metal" if mass > _DENSEST * volume else "lighter than air"
-        hint = _meant(mass, _Size(_LIGHTEST * volume, _DENSEST * volume, "kg"))
+        hint = _question(mass, _Range(_LIGHTEST * volume, _DENSEST * volume, "kg"))
         read = f"read {mass:g} kg for a ball of radius {radius:g} m"
         yield _fault("ball.mass", f"{read}, {than}; state both{hint}")
     square = mass * radius**2
-    size = _Size(_LEAST_RATIO * square, square, "kg m^2")
-    words = _wrong_number(_number(ball.inertia, square), size)
+    possible = _Range(_LEAST_RATIO * square, square, "kg m^2")
+    words = _wrong_number(_number(ball.inertia, square), possible)
     if words:
         yield _fault("ball.inertia", f"{words} (at most M R^2)")

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TypeAlias, Unpack
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from fitball.base.errors import FitError, Note, ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
-from fitball.data.read import TableSource, load_data
+from fitball.data.read import Reading, Sources, load_data
 from fitball.data.scene import Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
@@ -68,7 +68,7 @@ ParameterSettings: TypeAlias = dict[str, str | tuple[float, str]]
 
 
 def problem_from_sources(
-    sources: TableSource,
+    sources: Sources,
     *,
     scene: Scene | str | Path | None = None,
     as_read: bool = False,
@@ -77,7 +77,7 @@ def problem_from_sources(
     prior: Mapping[str, str] | None = None,
     pool: Mapping[str, str] | None = None,
     noise: str = "",
-    **reading: object,
+    **reading: Unpack[Reading],
 ) -> tuple[Problem, Model | None]:
     """The problem of a fit to one or several sources, and its model if the user wrote that.
 
