@@ -19,7 +19,7 @@ _SI = {
 }
 
 
-def made(values, sd=None, corr=None, name="made", **parts):
+def impact_table(values, sd=None, corr=None, name="made", **parts):
     """A table of columns by name; numbers are repeated for all rows."""
     count = max(np.size(numbers) for numbers in values.values())
 
@@ -45,12 +45,12 @@ def made(values, sd=None, corr=None, name="made", **parts):
 
 def written(folder, text, name="t.csv"):
     """A file of a text or bytes."""
-    place = folder / name
+    path = folder / name
     if isinstance(text, bytes):
-        place.write_bytes(text)
+        path.write_bytes(text)
     else:
-        place.write_bytes(text.encode())
-    return place
+        path.write_bytes(text.encode())
+    return path
 
 
 def bundled(name, columns):
@@ -77,4 +77,4 @@ def bundled(name, columns):
     assert {*values} == {*columns}
     assert {*columns} <= {*COLUMNS}
     ids = tuple(row["id"] for row in rows)
-    return made(values, sd, corr, name, labels={"id": ids})
+    return impact_table(values, sd, corr, name, labels={"id": ids})

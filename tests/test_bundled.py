@@ -42,8 +42,8 @@ def test_every_table_has_a_scene_that_describes_it():
     assert all(by_name.values())
     assert [*descriptions("tracks")] == ["table_tennis_topspin"]
     # Of others, by its licence.
-    place = path_of_source("table_tennis_topspin", "tracks")
-    assert place.with_suffix(".LICENSE").is_file()
+    path = path_of_source("table_tennis_topspin", "tracks")
+    assert path.with_suffix(".LICENSE").is_file()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_tables import bundled, made
+from made_tables import bundled, impact_table
 from numpy.testing import assert_allclose
 from scipy import stats
 from support.density import INCIDENT, REBOUND, problem_of, scene_of, table_of, truth_of
@@ -55,7 +55,9 @@ def grip_slip(v_x, v_y, omega=0.0, labels=None, scene=None, **columns):
         "v_y2": 0.7 * np.asarray(v_y),
         "omega_2": np.ones(size),
     }
-    table = made({"v_x1": v_x, "v_y1": v_y, "omega_1": omega, **columns}, labels=labels or {})
+    table = impact_table(
+        {"v_x1": v_x, "v_y1": v_y, "omega_1": omega, **columns}, labels=labels or {}
+    )
     return problem_of(table, scene)
 
 
@@ -151,7 +153,7 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
         "v_y2": 0.7 * slow,
         "omega_2": slow,
     }
-    two_mass = problem_of(made(columns), None, "two-mass")
+    two_mass = problem_of(impact_table(columns), None, "two-mass")
     assert anchored(two_mass.forward, two_mass.calibrated) == {"cor_10", "eps_10"}
     offset = evaluated(two_mass, "eps_median", {**WANG, "eps_slope": 1e-4})
     assert offset[0] == pytest.approx(0.00237668043 + (1.75 - 10.0) * 1e-4)

@@ -233,13 +233,13 @@ def test_three_hundred_dialects_are_the_same_tables(tmp_path):
             pytest.fail(f"{error}\nseed {seed}: {data!r}")
 
 
-def save_ods(frame, place):
+def save_ods(frame, path):
     """A workbook of LibreOffice."""
     rows = []
     for line in [list(frame), *frame.itertuples(index=False)]:
         cells = map(workbooks.cell, line)
         rows.append(workbooks.row("".join(cells)))
-    place.write_bytes(workbooks.ods("".join(rows)))
+    path.write_bytes(workbooks.ods("".join(rows)))
 
 
 @pytest.fixture
@@ -301,8 +301,8 @@ def test_numbers_of_frames_stay_numbers_and_gaps_gaps():
 
 def test_a_workbook_as_people_keep_it(tmp_path, frame):
     """Titles, a row of units, an empty row, another sheet, a column without head at the end."""
-    place = tmp_path / "t.xlsx"
-    with pandas.ExcelWriter(place) as book:
+    path = tmp_path / "t.xlsx"
+    with pandas.ExcelWriter(path) as book:
         notes = pandas.DataFrame([["what", "who"], ["bounces", "me"]])
         notes.to_excel(book, sheet_name="notes", index=False, header=False)
         names, units = zip(*map(name_and_unit, HEADER), strict=True)
@@ -311,18 +311,18 @@ def test_a_workbook_as_people_keep_it(tmp_path, frame):
         padded = [[*row, *[None] * (len(HEADER) - len(row)), " "] for row in rows]
         impacts = pandas.DataFrame(padded)
         impacts.to_excel(book, sheet_name="impacts", index=False, header=False)
-    table, notes = read(place)
+    table, notes = read(path)
     assert_same(table, meant(ROWS))
     assert notes == ["sheet", "above-header", "units-row"]
-    table, notes = read(f"{place}#impacts")
+    table, notes = read(f"{path}#impacts")
     assert_same(table, meant(ROWS))
     assert notes == ["above-header", "units-row"]
-    assert faults_of(f"{place}#sand") == [("no-sheet", None, None, None)]
-    with pandas.ExcelWriter(place) as book:
+    assert faults_of(f"{path}#sand") == [("no-sheet", None, None, None)]
+    with pandas.ExcelWriter(path) as book:
         frame.to_excel(book, sheet_name="clay", index=False)
         frame[:2].to_excel(book, sheet_name="grass #2", index=False)
-    assert faults_of(place) == [("several-sheets", None, None, None)]
-    assert_same(table_of(f"{place}#grass #2"), meant(ROWS[:2]))
+    assert faults_of(path) == [("several-sheets", None, None, None)]
+    assert_same(table_of(f"{path}#grass #2"), meant(ROWS[:2]))
 
 
 def test_damaged_files_are_refused(tmp_path, frame):
@@ -341,10 +341,10 @@ def test_damaged_files_are_refused(tmp_path, frame):
             data[:half],
             data[:-300] + b"x" * 300,
         ):
-            place = written(tmp_path, damaged, f"cut.{ending}")
-            assert faults_of(place) == [(code, None, None, None)]
-    place = written(tmp_path, b"PK", "t.xls")
-    assert faults_of(place) == [("not-a-workbook", None, None, None)]
+            path = written(tmp_path, damaged, f"cut.{ending}")
+            assert faults_of(path) == [(code, None, None, None)]
+    path = written(tmp_path, b"PK", "t.xls")
+    assert faults_of(path) == [("not-a-workbook", None, None, None)]
     for missing in (
         tmp_path / "absent.csv",
         tmp_path,
@@ -403,9 +403,9 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "places"), [(text, list(places)) for text, *places in WRONG])
-def test_what_is_nonsense_or_may_be_two_things_is_refused_at_its_place(tmp_path, text, places):
-    assert faults_of(written(tmp_path, text)) == places
+@pytest.mark.parametrize(("text", "faults"), [(text, list(faults)) for text, *faults in WRONG])
+def test_what_is_nonsense_or_may_be_two_things_is_refused_at_its_place(tmp_path, text, faults):
+    assert faults_of(written(tmp_path, text)) == faults
 
 
 def test_ten_thousand_faults_are_kept(tmp_path):
@@ -435,13 +435,13 @@ def test_what_was_assumed_is_noted(tmp_path):
 
 
 def test_a_header_behind_a_comment_mark_as_numpy_writes_it(tmp_path):
-    place = tmp_path / "t.txt"
+    path = tmp_path / "t.txt"
     rows = [
         [10.0, 6.0, 7.0, 4.0],
         [11.0, 7.0, 8.0, 5.0],
     ]
-    np.savetxt(place, rows, header="v_x1 v_y1 v_x2 v_y2")
-    assert_array_equal(table_of(place)["v_y1"], [6.0, 7.0])
+    np.savetxt(path, rows, header="v_x1 v_y1 v_x2 v_y2")
+    assert_array_equal(table_of(path)["v_y1"], [6.0, 7.0])
 
 
 def test_what_excel_shows_for_missing_values_begins_no_comment(tmp_path):
@@ -499,14 +499,14 @@ def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
     after` is the other.
     """
     body = "\n61,2;20,5;-74;38;26;2750\n60,8;33,0;100;37;44;2930\n"
-    place = written(tmp_path, header + body)
+    path = written(tmp_path, header + body)
     naming = Naming({})
-    cells = read_cells(place, naming.worth)
+    cells = read_cells(path, naming.worth)
     guesses = read_header(cells, naming).guesses
     codes = [note.code for note in cells.notes]
     assert codes.count("not-read") == 6
     ours = written(tmp_path, OURS + body, "ours.csv")
-    assert_same(table_of(place, guesses), table_of(ours))
+    assert_same(table_of(path, guesses), table_of(ours))
 
 
 ENDS = {
@@ -551,8 +551,8 @@ def test_a_name_beside_all_that_it_resembles_is_ones_own():
 
 def test_a_row_of_names_is_no_row_of_units(tmp_path):
     """Though `s` and `m` are, and a row of units may repeat what the header says."""
-    place = written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
-    table, notes = read(place)
+    path = written(tmp_path, "id,surface,location,v_1\ns,clay,north,\nm,clay,north,5\n")
+    table, notes = read(path)
     assert table["id"] == ["s", "m"]
     assert "units-row" not in notes
     units_twice = written(tmp_path, "v_1 [km/h],theta_1\nkm/h,rad\n36,1\n")
@@ -560,10 +560,10 @@ def test_a_row_of_names_is_no_row_of_units(tmp_path):
 
 
 def test_a_quote_behind_a_separator_and_a_blank_is_a_quote(tmp_path):
-    place = tmp_path / "balls.csv"
-    place.write_text(
+    path = tmp_path / "balls.csv"
+    path.write_text(
         'v_1, "theta_1", v_y2, "who, when"\n17, "20", 4.4, "a, b"\n18, 22, "5.1", "c"\n'
     )
-    table = load_table(place)
+    table = load_table(path)
     assert table.values["theta_1"] == pytest.approx(np.radians([20.0, 22.0]))
     assert table.labels["who, when"] == ("a, b", "c")

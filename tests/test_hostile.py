@@ -40,7 +40,7 @@ def read(source):
     except InputError as error:
         return [error.code, error.faults[0].line]
 
-found = {Path(place).name: read(place) for place in sys.argv[1:]}
+outcomes = {Path(path).name: read(path) for path in sys.argv[1:]}
 pieces = ["horiz", "1", "of", "v_", " ", "a ", "/", "v /", "[", "(", "1+-", "1,", "1,11111", "1e"]
 pieces += [",111", "-1", "s^", "θ", "aB", "1 ", "\\t", "1..", "±", "m s ", "_", "1.", "corr("]
 for piece in pieces:
@@ -50,7 +50,7 @@ for piece in pieces:
     Path("nasty.txt").write_text(f"v_1 v_2\\n{text} 1\\n{text[:99]} 1\\n", encoding="utf-8")
     read("nasty.txt")
 peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
-print(json.dumps([found, int(peak.split()[1]) / 1e6]))
+print(json.dumps([outcomes, int(peak.split()[1]) / 1e6]))
 """
 HEAD = b"v_y1,v_y2\n"
 GOOD = "".join(
@@ -74,9 +74,9 @@ def lying(data):
 
 
 def parquet(table):
-    place = io.BytesIO()
-    pyarrow.parquet.write_table(table, place)
-    return place.getvalue()
+    file = io.BytesIO()
+    pyarrow.parquet.write_table(table, file)
+    return file.getvalue()
 
 
 def repeated_text():
@@ -154,7 +154,7 @@ def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
     book = tmp_path / "t.xlsx"
     text.write_bytes(HEAD + b"5,4\n" * 20_000)
     book.write_bytes(xlsx(GOOD + "<row><c><v>1</v></c></row>" * 10_000))
-    for place, name in (
+    for path, name in (
         (text, "MOST_CELLS"),
         (text, "MOST_ROWS"),
         (text, "MOST_BYTES"),
@@ -162,10 +162,10 @@ def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
         (book, "_MOST_UNPACKED"),
     ):
         with monkeypatch.context() as patch:
-            assert len(read_cells(place, is_speed).rows) >= 10_000
+            assert len(read_cells(path, is_speed).rows) >= 10_000
             patch.setattr(records, name, 10_000)
             with pytest.raises(InputError) as caught:
-                read_cells(place, is_speed)
+                read_cells(path, is_speed)
         assert caught.value.code == "too-large"
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_tables import bundled, made
+from made_tables import bundled, impact_table
 from numpy.testing import assert_allclose
 from support import misread
 
@@ -107,7 +107,7 @@ def test_balances_recover_the_impulses_that_made_a_bounce():
     body = (ball.mass, ball.radius, ball.inertia_ratio)
     after = misread.bounce(*before, body, (99.0, e_x, eps, cor, 0.0))
     columns = dict(zip(FULL, (*before, *after), strict=True))
-    result = impact_balances(made(columns), ball)
+    result = impact_balances(impact_table(columns), ball)
     assert_allclose(result["cor"], cor, rtol=1e-13)
     assert_allclose(result["e_x"], e_x, atol=1e-12)
     assert_allclose(result["offset [m]"], eps, atol=1e-14)
@@ -154,9 +154,9 @@ def test_sds_are_those_of_random_draws_of_the_whole_row():
     sds = np.array([SMALL[name] for name in names])
     covariance = corr * np.outer(sds, sds)
     draws = rng.multivariate_normal([*POLAR.values()], covariance, 200_000)
-    sample = impact_balances(made(dict(zip(names, draws.T, strict=True))), Ball())
-    correlated = impact_balances(made(POLAR, SMALL, pairs), Ball())
-    uncorrelated = impact_balances(made(POLAR, SMALL, {}), Ball())
+    sample = impact_balances(impact_table(dict(zip(names, draws.T, strict=True))), Ball())
+    correlated = impact_balances(impact_table(POLAR, SMALL, pairs), Ball())
+    uncorrelated = impact_balances(impact_table(POLAR, SMALL, {}), Ball())
     apart = 0
     for name in BALANCES:
         sd = sample[heading(name)].std()
@@ -178,7 +178,7 @@ IMPACT = {
 
 
 def test_noise_is_that_of_columns_that_state_none():
-    table = made(IMPACT, {"v_y2": 0.5})
+    table = impact_table(IMPACT, {"v_y2": 0.5})
     result = impact_balances(table, Ball(), {"v_x2": 0.1, "v_y2": 9.0})
     # mu_bar = 3/9 here: by v_x2 it changes with 1/9, by v_y2 with 3/81.
     sd_of_friction = np.hypot(0.1 / 9.0, 3.0 * 0.5 / 81.0)
@@ -203,7 +203,7 @@ def test_noise_is_that_of_columns_that_state_none():
 )
 def test_what_the_columns_do_not_determine_is_absent(columns, determined):
     values = {**IMPACT, "v_2": 9.85, "contact_time": 5e-3}
-    table = made({name: values[name] for name in columns.split()})
+    table = impact_table({name: values[name] for name in columns.split()})
     result = impact_balances(table, Ball())
     numbers = [name for name in BALANCES if result[heading(name)].notna().all()]
     assert numbers == determined.split()
@@ -211,7 +211,7 @@ def test_what_the_columns_do_not_determine_is_absent(columns, determined):
 
 def test_a_gap_and_a_ball_without_slip_leave_the_rest():
     values = {**IMPACT, "v_x1": [12.0, 0.0], "omega_2": [np.nan, 200.0]}
-    result = impact_balances(made(values, dict.fromkeys(values, 0.1)), Ball())
+    result = impact_balances(impact_table(values, dict.fromkeys(values, 0.1)), Ball())
     assert result["cor"].notna().all()
     assert result["cor_sd"].notna().all()
     assert result["offset [m]"].isna().tolist() == [True, False]

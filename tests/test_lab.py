@@ -5,7 +5,7 @@ scipy.
 import numpy as np
 import pandas as pd
 import pytest
-from made_tables import made
+from made_tables import impact_table
 from scipy.stats import linregress, t
 from support.fit_by_hand import fit_by_hand, table_of
 
@@ -56,7 +56,7 @@ def paced(ratings, friction=0.6, speed=30.0, angle=16.0, spin=0.0, polar=False, 
     after = {"v_x2": v_x2, "v_y2": v_y2}
     if polar:
         after = {"v_2": np.hypot(v_x2, v_y2), "theta_2": np.arctan2(v_y2, v_x2)}
-    return made(
+    return impact_table(
         {
             "v_x1": v_x1,
             "v_y1": v_y1,
@@ -131,7 +131,7 @@ def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
     assert pace_of(two).empty
     table_tennis = BallSection(mass=0.0027, radius=0.02)
     assert measured_pace(paced(ratings), Scene(ball=table_tennis)).empty
-    drops = made({"v_y1": 7.0, "v_y2": [5.0, 5.1, 5.2]})
+    drops = impact_table({"v_y1": 7.0, "v_y2": [5.0, 5.1, 5.2]})
     assert pace_of(drops).empty
 
 
@@ -202,7 +202,7 @@ def test_the_drag_is_an_error_that_heights_share():
     assert np.sqrt(wide["usual"] ** 2 - wide["held"] ** 2) == pytest.approx(0.0043, abs=4e-4)
     for name in ("rebound", "rebound_q025", "rebound_q975"):
         assert usual[name] == pytest.approx(held[name], rel=1e-12)
-    by_speeds = made({"v_y1": np.full(20, FALL), "v_y2": launch(heights)})
+    by_speeds = impact_table({"v_y1": np.full(20, FALL), "v_y2": launch(heights)})
     rated = drop_test(by_speeds, Scene()).iloc[0]
     assert rated["cor_q975"] - rated["cor_q025"] == pytest.approx(3.92 * wide["held"], rel=1e-3)
     assert rated["rebound"] == pytest.approx(1.41, abs=1e-3)
@@ -290,7 +290,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     speeds = np.sqrt(TWICE_G * fall)
     noise = 0.003 * rng.standard_normal(12)
     cor = 0.82 - 0.011 * speeds + noise
-    table = made({"v_y1": speeds, "v_y2": cor * speeds})
+    table = impact_table({"v_y1": speeds, "v_y2": cor * speeds})
     frame = drop_test(table, Scene())
     line = linregress(speeds, cor)
     mean = row(frame, kind="mean")
@@ -308,7 +308,7 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     means_by_speed = cor.reshape(4, 3).mean(axis=1)
     assert by_speed["cor"].to_numpy() == pytest.approx(means_by_speed)
     of_balls = cor + 0.01 * (np.arange(12) % 3)
-    table = made(
+    table = impact_table(
         {"v_y1": speeds, "v_y2": of_balls * speeds},
         labels={"ball": tuple("ABC" * 4)},
     )
@@ -368,7 +368,7 @@ def test_drops_are_called_after_their_surface_where_there_are_several():
 
 def test_what_is_no_drop_test_has_none():
     assert drop_test(load_table("wang_all"), Scene()).empty
-    oblique = made({"v_x1": 5.0, "v_y1": 7.0, "v_y2": [5.0, 5.1]})
+    oblique = impact_table({"v_x1": 5.0, "v_y1": 7.0, "v_y2": [5.0, 5.1]})
     assert drop_test(oblique, Scene()).empty
     scene = Scene(ball=BallSection(mass=0.005, radius=0.01))
     marble = drop_test(dropped([1.4, 1.41, 1.42]), scene).iloc[0]

@@ -32,9 +32,9 @@ def test_no_good_table_is_doubted():
     assert len(alarms) <= 1, alarms
 
 
-def names_the_right_one(found, columns):
+def names_the_right_reading(better, columns):
     """Whether one of the readings makes the columns of the good table."""
-    return any(misread.means(reading.columns, columns) for reading in found)
+    return any(misread.means(reading.columns, columns) for reading in better)
 
 
 def test_misread_tables_are_found_and_the_right_reading_is_named():
@@ -44,10 +44,10 @@ def test_misread_tables_are_found_and_the_right_reading_is_named():
     for kind, spoil in misread.MISREADINGS.items():
         for design in ("wide", "backspin", "basketball"):
             columns, ball = misread.table(design, 3)
-            found = readings(spoil(columns), ball)
-            if not found:
+            better = readings(spoil(columns), ball)
+            if not better:
                 missed.append((kind, design))
-            if not names_the_right_one(found, columns):
+            if not names_the_right_reading(better, columns):
                 unnamed.append((kind, design))
     assert len(missed) <= 1, missed
     assert len(unnamed) <= 3, unnamed
@@ -66,16 +66,16 @@ def test_misread_tables_are_found_and_the_right_reading_is_named():
 def test_what_can_be_flipped_is_flipped_by_an_option(kind, flip):
     columns, _ = misread.table("wide", 0)
     spoil = misread.MISREADINGS[kind]
-    found = readings(spoil(columns))
-    assert flip in [{*reading.flip} for reading in found]
+    better = readings(spoil(columns))
+    assert flip in [{*reading.flip} for reading in better]
 
 
 def test_two_flips_are_one_option():
     columns, _ = misread.table("wide", 0)
     angles_spoilt = misread.from_normal(*misread.ANGLES)(columns)
     both_spoilt = misread.times(-1, *misread.SPINS)(angles_spoilt)
-    found = readings(both_spoilt)
-    flips = [{*reading.flip} for reading in found]
+    better = readings(both_spoilt)
+    flips = [{*reading.flip} for reading in better]
     assert {*misread.SPINS, *misread.ANGLES} in flips
 
 
@@ -98,15 +98,15 @@ def test_signs_that_are_missing_are_found_row_by_row(design, names, missing, for
     unsigned = dict(columns)
     for name in names:
         unsigned[name] = np.abs(columns[name])
-    found = readings(form(unsigned), ball)
-    assert found
-    assert found[0].cost > 0.0
-    assert not any(reading.flip for reading in found)
+    better = readings(form(unsigned), ball)
+    assert better
+    assert better[0].cost > 0.0
+    assert not any(reading.flip for reading in better)
     for name in missing:
         size = np.abs(columns[name])
         clear = size > 0.25 * size.max()
         wanted = np.sign(columns[name])
-        signs = np.sign(found[0].columns[name])
+        signs = np.sign(better[0].columns[name])
         assert np.all(signs[clear] == wanted[clear])
 
 
@@ -189,8 +189,8 @@ def test_no_reading_is_proposed_that_is_absurd_itself():
     named = []
     for cor in (0.22, 0.5):
         good = after_bounce(state, ball, (0.6, 0.1, 0.0, cor, 0.0))
-        found = readings(in_mph(good), ball)
-        named.append(names_the_right_one(found, good))
+        better = readings(in_mph(good), ball)
+        named.append(names_the_right_reading(better, good))
     assert named == [False, True]
 
 

@@ -5,7 +5,7 @@ out.
 import numpy as np
 import pandas as pd
 import pytest
-from made_tables import made
+from made_tables import impact_table
 from numpy.testing import assert_allclose
 from scipy import stats
 
@@ -140,7 +140,7 @@ def test_errors_of_states_against_monte_carlo_of_their_covariance():
         "omega_1": AT.omega_1,
         "v_x2": [9.0, 9.0, 9.0],
     }
-    table = made(columns, sds, corr)
+    table = impact_table(columns, sds, corr)
     frame = predicted(("v_x2",), errors=row_errors(table, ("v_x2",)))["v_x2"]
     correlation = np.eye(4)
     correlation[0, 3] = correlation[3, 0] = 0.7
@@ -191,7 +191,7 @@ def test_a_column_without_a_scatter_follows_from_noisy_velocities():
 
 
 def test_blocks_give_what_all_impacts_at_once_give(monkeypatch):
-    table = made({"v_x1": AT.v_x1, "v_y1": AT.v_y1}, {"v_x1": 0.3})
+    table = impact_table({"v_x1": AT.v_x1, "v_y1": AT.v_y1}, {"v_x1": 0.3})
     errors = row_errors(table, ("v_x2",))
     at_once = predicted(("v_x2",), errors=errors)
     monkeypatch.setattr(predictive, "_BLOCK", COUNT)

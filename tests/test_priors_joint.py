@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_tables import made
+from made_tables import impact_table
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import integrate, stats
 from support.density import REBOUND, TIMED, log_prior, near, problem_of, scene_of, table_of
@@ -369,7 +369,7 @@ def test_tables_that_cannot_be_fitted():
     assert problem_of(corr, fix={"v_x_sd": 0.0, "spin_sd": 0.0}).prior_texts["spin_sd"] == "0.0"
     # Whichever side of nothing rounding leaves.
     for sd in np.linspace(0.05, 0.3, 12):
-        exact_errors = made(
+        exact_errors = impact_table(
             {"v_x1": [20.0, 21.0], "v_y1": 8.0, "v_x2": 15.0},
             {"v_x1": 0.13, "v_x2": sd},
             {("v_x1", "v_x2"): 1},
@@ -378,7 +378,7 @@ def test_tables_that_cannot_be_fitted():
             row_errors(exact_errors, ("v_x2",), ("v_x2",))
     values = {"v_y1": [8.0, 9.0], "contact_time": 0.005}
     sds = {"v_y1": 0.1, "contact_time": 5e-6}
-    fine = made(values, sds, {("v_y1", "contact_time"): 0.5})
+    fine = impact_table(values, sds, {("v_y1", "contact_time"): 0.5})
     assert row_errors(fine, ("contact_time",), ("contact_time",)).note.code == "uncertain-states"
     exact = replace(corr, sd={"v_x2": np.full(10, 0.1), "omega_2": np.full(10, 5.0)})
     assert row_errors(exact, REBOUND).note.code == "correlated-errors"

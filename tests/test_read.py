@@ -72,12 +72,12 @@ def test_standard_deviations_have_their_units(tmp_path):
 
 
 def test_correlations_in_a_file_beside_the_table_are_asked_for(tmp_path):
-    place = written(tmp_path, HEAD, *ROWS)
+    path = written(tmp_path, HEAD, *ROWS)
     (tmp_path / "t_covariance.csv").touch()
     with pytest.raises(InputError) as caught:
-        fitball.load_table(place)
+        fitball.load_table(path)
     assert caught.value.code == "covariance-file"
-    assert len(fitball.load_table(place, ignore="corr").impacts) == 4
+    assert len(fitball.load_table(path, ignore="corr").impacts) == 4
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_ids_are_made_unique_and_labels_have_one_spelling(tmp_path):
 def test_names_of_ones_own_by_option_and_scene(tmp_path):
     rows = ("38;20;42;23;1", "40;22;43;25;1")
     names = {"v_1": "Vin", "theta_1": "angle_in", "v_2": "Vout"}
-    place = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle out;speed", *rows)
+    path = written(tmp_path, "Vin (mph);angle_in;Vout [km/h];angle out;speed", *rows)
     ours = fitball.load_table(
         written(tmp_path, "v_1 [mph];theta_1;v_2 [km/h];theta_2;speed", *rows, name="o.csv")
     )
@@ -248,12 +248,12 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
         '[columns]\nv_1 = "Vin"\ntheta_1 = "angle_in"\nv_2 = "Vout"\n',
         encoding="utf-8",
     )
-    by_scene = fitball.load_table(place, columns={"theta_2": "  angle\n out "})
+    by_scene = fitball.load_table(path, columns={"theta_2": "  angle\n out "})
     assert by_scene.values.keys() == ours.values.keys()
     assert by_scene.labels == ours.labels
     assert all(np.array_equal(by_scene.values[name], ours.values[name]) for name in ours.values)
     # What a caller says goes before the scene.
-    turned = fitball.load_table(place, columns={"theta_1": "angle out", "theta_2": "angle_in"})
+    turned = fitball.load_table(path, columns={"theta_1": "angle out", "theta_2": "angle_in"})
     assert_allclose(turned.values["theta_1"], np.radians([23, 25]))
     # New impacts are read as those of the fit, in its units where they have none, and need no
     # rebound.
@@ -283,16 +283,16 @@ def test_names_of_ones_own_by_option_and_scene(tmp_path):
 
 
 def test_how_a_table_was_read_is_kept(tmp_path):
-    place = written(tmp_path, HEAD.replace("omega_2", "spin [rpm]"), *ROWS)
+    path = written(tmp_path, HEAD.replace("omega_2", "spin [rpm]"), *ROWS)
     table = fitball.load_table(
-        place,
+        path,
         columns={"omega_2": "spin", "v_y1": "u"},
         flip="v_x1,v_x2",
         ignore="v_y2",
     )
     (read,) = table.read
-    assert read["sha256"] == hashlib.sha256(place.read_bytes()).hexdigest()
-    assert read["source"] == str(place)
+    assert read["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert read["source"] == str(path)
     assert read["columns"] == "omega_2=spin,v_y1=u"
     assert read["flip"] == "v_x1,v_x2"
     assert read["ignore"] == "v_y2"
@@ -303,18 +303,18 @@ def test_how_a_table_was_read_is_kept(tmp_path):
 
 def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
     (tmp_path / "a").mkdir()
-    one = written(tmp_path, HEAD, *ROWS[:2])
-    two = written(tmp_path / "a", HEAD, *ROWS[2:])
+    first = written(tmp_path, HEAD, *ROWS[:2])
+    second = written(tmp_path / "a", HEAD, *ROWS[2:])
     (tmp_path / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load_data([one, two], None, False)
+        load_data([first, second], None, False)
     assert caught.value.code == "scenes-differ"
     (tmp_path / "a" / "t.toml").write_text("[ball]\nmass = 0.057\n", encoding="utf-8")
     (tmp_path / "t#2.toml").write_text("[ball]\nmass = 0.058\n", encoding="utf-8")
     assert load_data(written(tmp_path, HEAD, *ROWS, name="t#2.csv"), None, False)[
         1
     ].ball_value() == Ball(0.058)
-    table, scene = load_data([one, two], None, False)
+    table, scene = load_data([first, second], None, False)
     assert table.labels["table"] == (
         "t (1)",
         "t (1)",
@@ -322,11 +322,13 @@ def test_several_tables_are_one_with_the_scene_of_the_first(tmp_path):
         "t (2)",
     )
     assert scene.ball_value() == Ball(0.057)
-    assert load_data([one, two], tmp_path / "a" / "t.toml", False)[1].ball_value() == Ball(0.057)
+    assert load_data([first, second], tmp_path / "a" / "t.toml", False)[1].ball_value() == Ball(
+        0.057
+    )
     with pytest.raises(InputError) as twice:
-        load_data([one, one], None, False)
+        load_data([first, first], None, False)
     assert twice.value.code == "same-table-twice"
-    read = fitball.load_table(one)
+    read = fitball.load_table(first)
     assert load_data(read, None, False)[0] is not None
     with pytest.raises(ParameterError) as already:
         load_data(read, None, False, flip="v_x1")

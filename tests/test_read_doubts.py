@@ -29,13 +29,13 @@ POSSIBLE = {
 @pytest.mark.parametrize("name", POSSIBLE)
 def test_what_balls_can_do_is_no_fault(tmp_path, name):
     row, ball = POSSIBLE[name]
-    place = written(tmp_path, HEAD, row, row)
+    path = written(tmp_path, HEAD, row, row)
     if ball:
         with pytest.raises(InputError) as caught:
-            fitball.load_table(place)
+            fitball.load_table(path)
         assert [fault.code for fault in caught.value.faults] == ["energy", "energy"]
-        place.with_suffix(".toml").write_text(f"[ball]\n{ball}\n", encoding="utf-8")
-    assert codes(fitball.load_table(place)) == ["repeated-rows"]
+        path.with_suffix(".toml").write_text(f"[ball]\n{ball}\n", encoding="utf-8")
+    assert codes(fitball.load_table(path)) == ["repeated-rows"]
 
 
 @pytest.mark.parametrize(
@@ -54,18 +54,18 @@ def test_noise_decides_what_is_too_fast(tmp_path, sd, scene, fault):
     sd.
     """
     cells, head = (f",{sd}", "v_y1,v_y1_sd,v_y2,v_y2_sd") if sd else ("", "v_y1,v_y2")
-    place = written(
+    path = written(
         tmp_path,
         head,
-        *(f"{one}{cells},{two}{cells}" for one, two in ((0.8, 0.82), (5, 4), (6, 4.7))),
+        *(f"{v_y1}{cells},{v_y2}{cells}" for v_y1, v_y2 in ((0.8, 0.82), (5, 4), (6, 4.7))),
     )
     (tmp_path / "t.toml").write_text(f"[measurement]\n{scene}\n" if scene else "", encoding="utf-8")
     if not fault:
-        assert fitball.load_table(place).notices == ()
+        assert fitball.load_table(path).notices == ()
         return
     with pytest.raises(InputError) as caught:
-        fitball.load_table(place)
-    assert [(one.code, one.row, one.column) for one in caught.value.faults] == [
+        fitball.load_table(path)
+    assert [(fault.code, fault.row, fault.column) for fault in caught.value.faults] == [
         ("restitution", 1, "v_y2")
     ]
 
@@ -156,15 +156,15 @@ def test_flips_turn_values_and_correlations():
     straight = fitball.load_table(rows)
     turned = fitball.load_table(rows, flip="omega_2,v_x2")
     assert_array_equal(turned.values["omega_2"], -straight.values["omega_2"])
-    assert {pair: one[0] for pair, one in straight.corr.items()} == {
+    assert {pair: values[0] for pair, values in straight.corr.items()} == {
         "v_x2,v_y2": 0.5,
         "v_x2,omega_2": 0.2,
     }
-    assert {pair: one[0] for pair, one in turned.corr.items()} == {
+    assert {pair: values[0] for pair, values in turned.corr.items()} == {
         "v_x2,v_y2": -0.5,
         "v_x2,omega_2": 0.2,
     }
-    down = fitball.load_table(rows | {"v_y2": [-one for one in rows["v_y2"]]})
+    down = fitball.load_table(rows | {"v_y2": [-v_y2 for v_y2 in rows["v_y2"]]})
     assert down.corr["v_x2,v_y2"][0] == -0.5
     assert down.values["v_y2"][0] == 4.2
     normal = fitball.load_table(

@@ -30,9 +30,10 @@ GOOD = {
 
 
 def placed(faults):
-    return sorted(
-        " ".join(str("-" if part is None else part) for part in fault) for fault in faults
-    )
+    def line(fault):
+        return " ".join("-" if field is None else str(field) for field in fault)
+
+    return sorted(map(line, faults))
 
 
 def faults_of(source, **reading):
@@ -49,7 +50,7 @@ def faults_of(source, **reading):
 
 @pytest.mark.parametrize(
     ("header", "row", "faults"),
-    [(one, row, rest) for one, row, *rest in MISTAKES["header"]],
+    [(header, row, faults) for header, row, *faults in MISTAKES["header"]],
 )
 def test_headers(tmp_path, header, row, faults):
     assert faults_of(written(tmp_path, f"# comment\n{header}\n{row}\n{row}\n")) == sorted(faults)
@@ -68,7 +69,7 @@ def test_cells(tmp_path, column, cell, code):
 
 @pytest.mark.parametrize("case", MISTAKES["file"])
 def test_files(tmp_path, case):
-    reading = {name: given for name, given in case.items() if name not in ("text", "faults")}
+    reading = {name: option for name, option in case.items() if name not in ("text", "faults")}
     assert faults_of(written(tmp_path, case["text"]), **reading) == sorted(case["faults"])
 
 

@@ -122,18 +122,18 @@ def test_where_a_scene_comes_from(tmp_path):
     (tmp_path / "other.toml").write_text("[surface]\nmu = 0.5")
     table.with_suffix(".toml").write_text("[surface]\nmu = 0.6")
     assert load_scene(table).surface == {"mu": 0.6}
-    for found in (
+    for scene in (
         load_scene(table, tmp_path / "other.toml"),
         load_scene(str(tmp_path / "other.toml")),
     ):
-        assert found.surface == {"mu": 0.5}
+        assert scene.surface == {"mu": 0.5}
     # What is beside the table and no file is not passed over.
     table.with_suffix(".toml").unlink()
     table.with_suffix(".toml").symlink_to("nowhere")
     # One that never ends is read to a limit.
     (tmp_path / "large.toml").write_text("#" * 1_000_001)
-    for given in (None, tmp_path / "absent.toml", tmp_path / "large.toml", tmp_path):
-        assert [*refused(lambda given=given: load_scene(table, given))] == [None]
+    for path in (None, tmp_path / "absent.toml", tmp_path / "large.toml", tmp_path):
+        assert [*refused(lambda path=path: load_scene(table, path))] == [None]
 
 
 def test_columns_that_a_scene_flips_or_ignores():
@@ -209,8 +209,8 @@ def test_what_no_scene_holds_is_refused_at_its_key_with_what_may_be_meant(
     key,
     hint,
 ):
-    ((found, message),) = refused(lambda: scene_of(tmp_path, text)).items()
-    assert found == key
+    ((faulty, message),) = refused(lambda: scene_of(tmp_path, text)).items()
+    assert faulty == key
     assert hint in message if hint else "did you mean" not in message
 
 

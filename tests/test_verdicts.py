@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_tables import made
+from made_tables import impact_table
 from numpy.testing import assert_allclose
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 from support.fits import at, bounded, drops_of, line
@@ -209,7 +209,7 @@ def bounces(v_x, v_y, omega, mu):
     for name, size in sizes.items():
         noise = size * rng.standard_normal(16)
         rebound[name] = rebounds.column(name) + noise
-    table = made(
+    table = impact_table(
         {
             "v_x1": v_x,
             "v_y1": v_y,

@@ -8,6 +8,7 @@ column as in the file.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,13 +20,13 @@ from fitball.base.values import Ball, FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.kinematics import Columns, counting_columns, results_and_slopes, velocity
 
-Numbers = Mapping[str, FloatArray]
-Units = Mapping[str, str]
+# Symbols of units by column.
+Units: TypeAlias = Mapping[str, str]
 
 # Columns that determine an incident velocity.
 INCIDENCES = (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
 # Columns that tables which count along a fixed axis have all negative.
-_ONE_SIGN = ("v_y2", "theta_1", "theta_2")
+_EQUAL_SIGNS = ("v_y2", "theta_1", "theta_2")
 # Share of the speed, or of the angle, by which columns that say the same may differ without a note:
 # tables print means of repeated throws, and a mean of speeds exceeds the speed of the mean by half
 # the squared relative scatter across it (0.5 % for a scatter of 10 %).
@@ -82,12 +83,12 @@ def missing_columns(
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
 
 
-def one_sign(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
+def equal_signs(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:
     """The numbers with v_y2 and angles counted positive: turned where they are negative throughout;
     faults of the rows whose sign is that of fewer.
     """
     turned = dict(numbers)
-    for name in _ONE_SIGN:
+    for name in _EQUAL_SIGNS:
         if name not in numbers or not (numbers[name] < 0.0).any():
             continue
         negative = numbers[name] < 0.0
@@ -108,7 +109,7 @@ def one_sign(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, Flo
     return turned
 
 
-def limits(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, FloatArray]:
+def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:
     """The numbers, NaN in place of those that no ball and no instrument has, which are faults."""
     within = {}
     for name, values in numbers.items():
@@ -131,7 +132,7 @@ def limits(cells: TableCells, numbers: Numbers, units: Units) -> dict[str, Float
     return within
 
 
-def deviations(cells: TableCells, numbers: Numbers) -> None:
+def deviations(cells: TableCells, numbers: Columns) -> None:
     """Add faults of deviations without their column, and of measured cells without one in a column
     that states them.
     """
@@ -148,7 +149,7 @@ def deviations(cells: TableCells, numbers: Numbers) -> None:
             cells.fault("no-sd", words, name, k)
 
 
-def _further(velocities: Numbers, end: str) -> dict[str, FloatArray]:
+def _further(velocities: Columns, end: str) -> dict[str, FloatArray]:
     """What follows from the velocity of one `end` besides components, speed and angle, as columns
     (rows,), where both components are known.
     """
@@ -164,7 +165,7 @@ def _further(velocities: Numbers, end: str) -> dict[str, FloatArray]:
     return further
 
 
-def redundant(cells: TableCells, numbers: Numbers, units: Units) -> None:
+def redundant(cells: TableCells, numbers: Columns, units: Units) -> None:
     """Add faults and notes of velocity columns that contradict those which count, row by row."""
     for end in "12":
         names = counting_columns(numbers, end)
@@ -183,9 +184,9 @@ def redundant(cells: TableCells, numbers: Numbers, units: Units) -> None:
             share = np.abs(numbers[name] - expected) / np.maximum(scale, 1e-12)
             for k in np.flatnonzero(share > _GROSS).tolist():
                 read = in_unit_of_file(name, float(numbers[name][k]), units)
-                given = in_unit_of_file(name, float(expected[k]), units)
+                other = in_unit_of_file(name, float(expected[k]), units)
                 words = (
-                    f"read {read}, but {basis} give {given}; expected agreement: check the "
+                    f"read {read}, but {basis} give {other}; expected agreement: check the "
                     f"units and the row, or leave the column out (--ignore {name})"
                 )
                 cells.fault("contradiction", words, name, k)
@@ -209,7 +210,7 @@ def _note_disagreement(cells: TableCells, name: str, basis: str, share: FloatArr
 
 def energy(
     cells: TableCells,
-    numbers: Numbers,
+    numbers: Columns,
     units: Units,
     ball: Ball,
     noise: Mapping[str, float],

@@ -169,11 +169,11 @@ def _sd(moments: _Moments, pulse: _Pulse) -> float:
 
 def _slope_of_width(skewness: float) -> float:
     """The slope of the width over the skewness, zero beyond the ends of the table."""
-    place = int(np.searchsorted(_SKEWNESS, skewness))
-    if place in (0, len(_SKEWNESS)):
+    index = int(np.searchsorted(_SKEWNESS, skewness))
+    if index in (0, len(_SKEWNESS)):
         return 0.0
-    rise = _WIDTHS[place] - _WIDTHS[place - 1]
-    return rise / (_SKEWNESS[place] - _SKEWNESS[place - 1])
+    rise = _WIDTHS[index] - _WIDTHS[index - 1]
+    return rise / (_SKEWNESS[index] - _SKEWNESS[index - 1])
 
 
 def _pulse(force: FloatArray) -> _Pulse:
@@ -259,9 +259,9 @@ def _refuse_clipped(force: FloatArray, level: float, length: int) -> None:
 def _connected(above: BoolArray, top: int) -> BoolArray:
     """Which rows (times,) are connected with row `top` through rows that are `above`."""
     below = np.flatnonzero(~above)
-    place = np.searchsorted(below, top)
-    first = below[place - 1] + 1 if place else 0
-    end = below[place] if place < below.size else above.size
+    index = np.searchsorted(below, top)
+    first = below[index - 1] + 1 if index else 0
+    end = below[index] if index < below.size else above.size
     inside = np.zeros(above.size, dtype=np.bool_)
     inside[first:end] = True
     return inside

@@ -100,7 +100,7 @@ def our_name(name: str) -> str | None:
     pair = _CORR.fullmatch(name)
     if pair is None:
         return _BY_BARE.get(bare(name))
-    both = {our_name(part) for part in pair.groups()}
+    both = {our_name(their) for their in pair.groups()}
     ends = [column for column in COLUMNS if column in both]
     return f"corr({','.join(ends)})" if len(ends) == 2 else None
 
@@ -140,8 +140,8 @@ class Naming:
         return next((ours for ours, their in self.theirs.items() if their in wanted), None)
 
     def worth(self, cell: str) -> float:
-        """What a cell is worth as one of a header: 1 for a name that is known, 0.5 for one that is
-        probably meant.
+        """What a cell is worth as one of a header: 1 for a name of a column, 0.5 for a text that
+        probably means one, 0 for any other.
         """
         if not cell or len(cell) > _LONGEST or cell[0] in "0123456789+-.,−":
             return 0.0
@@ -152,7 +152,7 @@ class Naming:
 
     def split(self, cell: str) -> tuple[str, str | None]:
         """Name and unit (None where there is none) of a header cell. Square brackets always hold a
-        unit; round ones do behind a name that is known, or if a unit is in them; without brackets a
+        unit; round ones do behind a name of a column, or if a unit is in them; without brackets a
         unit must be one.
         """
         text = cell.strip()
@@ -213,19 +213,19 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
     numbers = dict[str, int]()
     labels = dict[str, int]()
     units = dict[str, str | None]()
-    for place, title in enumerate(titles):
+    for index, title in enumerate(titles):
         column = title.ours
         if column is None:
             _check_unknown(cells, title.cell, title.name, ours)
-            labels.setdefault(title.name, place)
+            labels.setdefault(title.name, index)
         elif column in numbers or column in labels:
             words = f"'{title.cell}' and another column are both '{column}'; keep one of them"
             cells.fault("column-twice", words, column)
         elif column in LABELS:
-            labels[column] = place
+            labels[column] = index
         else:
             stated = naming.units.get(column)
-            numbers[column] = place
+            numbers[column] = index
             units[column] = title.unit or stated
             if not optional:
                 _check_units(cells, column, title.unit, stated)
@@ -247,9 +247,9 @@ def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
         titles.append(_Title(cell, name, unit, ours))
     if sum(title.ours == "id" for title in titles) > 1:
         # `No.` beside `id` is a column of the user's own.
-        for place, title in enumerate(titles):
+        for index, title in enumerate(titles):
             if title.ours == "id" and bare(title.name) != "id":
-                titles[place] = title._replace(ours=None)
+                titles[index] = title._replace(ours=None)
     return titles
 
 

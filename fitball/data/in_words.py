@@ -24,7 +24,7 @@ _SPAN = re.compile(
     r"(?P<unit>[^:]*?) ?(?:: ?(?P<count>[0-9]{1,9}))?",
     re.ASCII,
 )
-# What each part looks like.
+# Forms that a span may have, by an example each.
 _FORMS = {
     "value": "17 m/s",
     "sd": "17±0.5 m/s",
@@ -49,16 +49,20 @@ class Span:
 
 
 def spans(text: str, takes: str) -> dict[str, Span]:
-    """The spans of a text by column; `takes` says which of value, sd, range, count may stand there,
-    or `error`, an sd of the column. The only parser of --impact, --speed, --angle, --spin, --sensor
-    and --at; units as in tables. Raises ParameterError (`impact`).
+    """The spans of a text by column; units are as in tables. `takes` says which of value, sd, range
+    and count a span may have, or `error`, an sd of the column.
+
+    All of --impact, --speed, --angle, --spin, --sensor and --at are read by this function.
+
+    Raises:
+        ParameterError: The text is not of this form, or names no column (`impact`).
     """
     by_column: dict[str, Span] = {}
-    for item in text.split(","):
-        name, _, written = (" ".join(part.split()) for part in item.partition("="))
+    for column_text in text.split(","):
+        name, _, written = (" ".join(side.split()) for side in column_text.partition("="))
         form = _form(name if written else "v_1", takes)
         if not name or not written:
-            _fail(text, f"read '{one_line(item.strip())}'; expected {form}")
+            _fail(text, f"read '{one_line(column_text.strip())}'; expected {form}")
         if name not in COLUMNS:
             _fail(text, f"unknown column '{one_line(name)}'; {suggestion(name, COLUMNS)}")
         if name in by_column:
@@ -71,9 +75,9 @@ def spans(text: str, takes: str) -> dict[str, Span]:
 
 
 def _form(name: str, takes: str) -> str:
-    """What may stand for a column, by examples."""
+    """What a span of a column looks like, by examples of the forms that it may have."""
     unit = assumed_symbol(COLUMNS[name].unit) if name in COLUMNS else "m/s"
-    examples = [f"{name}={_FORMS[part].replace('m/s', unit)}" for part in takes.split()]
+    examples = [f"{name}={_FORMS[form].replace('m/s', unit)}" for form in takes.split()]
     return listed(examples, last="or")
 
 
@@ -83,7 +87,7 @@ def _span(name: str, written: str, takes: str, form: str) -> Span:
     matched = _SPAN.fullmatch(written)
     if matched is None:
         raise _refusal(written, form)
-    parts = {part: text for part, text in matched.groupdict().items() if text}
+    parts = {group: text for group, text in matched.groupdict().items() if text}
     is_error = takes == "error"
     used = {"sd", "count"} & parts.keys()
     if "high" in parts:

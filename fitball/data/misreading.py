@@ -232,14 +232,14 @@ def _readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> Iterato
     yield from _turned(columns)
     yield from _in_units(columns, units)
     yield from _swapped(columns)
-    one_way = []
+    unsigned = []
     for name in ("omega_1", "omega_2"):
         spins = columns.get(name)
         if spins is None or not np.any(spins):
             continue
         if np.all(spins >= 0.0) or np.all(spins <= 0.0):
-            one_way.append(name)
-    for names in _one_or_two(one_way):
+            unsigned.append(name)
+    for names in _singles_and_pairs(unsigned):
         yield from _signed(columns, names, ball)
 
 
@@ -255,7 +255,7 @@ def _pairs(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:
                 yield Doubt(words, second.columns, "two", flip, remedy)
 
 
-def _one_or_two(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+def _singles_and_pairs(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Each name, then each pair of names."""
     yield from combinations(names, 1)
     yield from combinations(names, 2)
@@ -269,14 +269,14 @@ def _turned(columns: Columns) -> Iterator[Doubt]:
     for name in ("omega_1", "omega_2", "v_x1", "v_x2"):
         if name in columns and np.any(columns[name]):
             signed.append(name)
-    negated = [*_one_or_two(signed)]
+    negated = [*_singles_and_pairs(signed)]
     if "v_y1" in columns and np.all(columns["v_y1"] < 0.0):
         negated.append(("v_y1",))
     for names in negated:
         turned = {**columns, **{name: -columns[name] for name in names}}
         yield Doubt(f"{listed(names)} negated", turned, "sign", names)
     angles = [name for name in ("theta_1", "theta_2") if name in columns]
-    for names in _one_or_two(angles):
+    for names in _singles_and_pairs(angles):
         turned = {**columns, **{name: np.pi / 2.0 - columns[name] for name in names}}
         yield Doubt(f"{listed(names)} measured from the normal", turned, "zero", names)
 
@@ -344,8 +344,8 @@ def _signed(columns: Columns, names: Sequence[str], ball: Ball) -> Iterator[Doub
     chosen = _best_signs(moved, ball)
     signs = {name: np.array([way[name] for way in ways])[chosen] for name in names}
     changed = [(signs[name] < 0.0)[columns[name] != 0.0] for name in names]
-    some_in_each = all(rows.any() for rows in changed)
-    if not some_in_each or all(rows.all() for rows in changed):
+    any_in_each = all(rows.any() for rows in changed)
+    if not any_in_each or all(rows.all() for rows in changed):
         return
     # Which rows were chosen: how many, all counts as likely, and which, all sets of so many.
     cost = 0.0

@@ -377,7 +377,7 @@ def _turned(
             flipped[name] = np.pi / 2.0 - columns[name]
         signs[name] = -1.0
         cells.note("flipped", f"{name} is read {opposite}, as requested")
-    turned = checks.one_sign(cells, flipped, units)
+    turned = checks.equal_signs(cells, flipped, units)
     for name in columns:
         if turned[name] is not flipped[name]:
             signs[name] = -signs.get(name, 1.0)

@@ -2,7 +2,7 @@
 parameters.
 """
 
-from made_tables import made
+from made_tables import impact_table
 from support.density import near
 
 import fitball
@@ -42,7 +42,7 @@ def bounded(v_x1, v_y1, omega_1, ball, a="normal(0, 10)", b="uniform(0, 1)"):
 
 def drops_of(function, speeds, y, **choices):
     """The problem of drops at vertical speeds [m/s] and rebounds y, by a function as model."""
-    table = made(
+    table = impact_table(
         {
             "v_x1": 0.0 * speeds,
             "v_y1": speeds,

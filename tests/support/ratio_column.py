@@ -63,7 +63,7 @@ def main() -> None:
         for names in (("v_2", "ratio_2"), ("v_x2", "v_y2"))
     )
     again = fitball.load_table(polar.to_frame())
-    found = {
+    answers = {
         "beside components": [*cartesian.values],
         "notes": [note.code for note in cartesian.notices],
         "beside speed": [*polar.values],
@@ -76,12 +76,12 @@ def main() -> None:
         "length": code_of(lambda: fitball.load_table(frame("v_2", **{"ratio_2 [m]": ratio}))),
         "noise": fit.parameters["ratio_sd"].point,
         "page": "ratio_2" in fit.report(),
-        "parameters": [item.column.name for item in fit.problem.observables],
+        "parameters": [observable.column.name for observable in fit.problem.observables],
     }
     for unit, factor in (("%", 100.0), ("-", 1.0), ("1", 1.0)):
         table = fitball.load_table(frame("v_2", **{f"ratio_2 [{unit}]": factor * ratio}))
-        found[unit] = float(np.max(np.abs(table.values["ratio_2"] - ratio)))
-    json.dump(found, sys.stdout)
+        answers[unit] = float(np.max(np.abs(table.values["ratio_2"] - ratio)))
+    json.dump(answers, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,11 @@ SHEET = '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/
 
 def packed(parts):
     """An archive of files by name."""
-    place = io.BytesIO()
-    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as book:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as book:
         for name, data in parts.items():
             book.writestr(name, data)
-    return place.getvalue()
+    return file.getvalue()
 
 
 def xlsx(rows):
@@ -45,7 +45,7 @@ def ods(rows):
     """A spreadsheet of these rows."""
     parts = ("office", "table", "text")
     spaces = " ".join(
-        f'xmlns:{part}="urn:oasis:names:tc:opendocument:xmlns:{part}:1.0"' for part in parts
+        f'xmlns:{name}="urn:oasis:names:tc:opendocument:xmlns:{name}:1.0"' for name in parts
     )
     return packed(
         {
