@@ -68,7 +68,7 @@ class KernelSolver:
         names: Sequence[str],
         values: Annotated[FloatArray, "draws parameters"],
         impacts: Impacts,
-        cor: Annotated[FloatArray, "impacts"] | None,
+        cor: Annotated[FloatArray, "..."] | None,
     ) -> Rebound:
         """Rebounds (draws, impacts) of a ball, as `Model.evaluate` returns them."""
         rows = self.rows(ball, names, values)
@@ -148,7 +148,7 @@ class Model:
         names: Sequence[str],
         values: Annotated[FloatArray, "draws parameters"],
         impacts: Impacts,
-        cor: Annotated[FloatArray, "impacts"] | None = None,
+        cor: Annotated[FloatArray, "..."] | None = None,
     ) -> Rebound:
         """Rebounds (draws, impacts) at many parameter sets, which are not checked.
 
@@ -157,7 +157,8 @@ class Model:
                 `inertia_ratio`)
             values: a row of their values for each draw, SI
             impacts: incident states of all draws, or of each
-            cor: restitution of each impact in place of the law, where it is not NaN
+            cor: restitution in place of the law, where it is not NaN; of each impact, or
+                (draws, 1) of each draw
 
         Raises:
             ModelError: a user's function fails (`own-model`).
