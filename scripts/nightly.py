@@ -4,7 +4,7 @@ scripts/test.
 pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, addresses that are
            requested, widths, pictures
 ports      ports compiled and run; those without a compiler are skipped
-docs       generated parts, links, words, and the commands of all pages
+docs       generated parts, links, words, the commands of all pages, all examples of docstrings
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
 readonly   the main job by a user who can write nothing but the result
@@ -48,7 +48,11 @@ COMMANDS = {
         "-P -m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py "
         "tests/test_port_text.py"
     ],
-    "docs": ["-P scripts/docs.py --check", "-P scripts/docs.py --run"],
+    "docs": [
+        "-P scripts/docs.py --check",
+        "-P scripts/docs.py --run",
+        "-P -m pytest -q -p no:cacheprovider tests/test_examples.py",
+    ],
     "hostile": ["-P scripts/hostile.py", "-P scripts/hostile.py --control"],
     "studies": [
         "scripts/validation/sbc.py WORK --only grip-slip --tables 100",
@@ -295,7 +299,9 @@ def run_part(work: Path, name: str, *version_and_end: str) -> str:
     """
     if name in COMMANDS:
         lines = [line.replace("WORK", str(work)) for line in COMMANDS[name]]
-        return ", ".join(run_command(sys.executable, *line.split()) for line in lines)
+        # Examples of docstrings that take seconds are left out of the quick tests.
+        slow = {"FITBALL_SLOW_EXAMPLES": "1"}
+        return ", ".join(run_command(sys.executable, *line.split(), **slow) for line in lines)
     if name == "versions":
         return check_versions(work, *version_and_end)
     checks = {"pages": check_pages, "readonly": check_readonly, "types": check_types}
