@@ -300,8 +300,9 @@ def run_part(work: Path, name: str, *version_and_end: str) -> str:
     if name in COMMANDS:
         lines = [line.replace("WORK", str(work)) for line in COMMANDS[name]]
         # Examples of docstrings that take seconds are left out of the quick tests.
-        slow = {"FITBALL_SLOW_EXAMPLES": "1"}
-        return ", ".join(run_command(sys.executable, *line.split(), **slow) for line in lines)
+        return ", ".join(
+            run_command(sys.executable, *line.split(), FITBALL_SLOW_EXAMPLES="1") for line in lines
+        )
     if name == "versions":
         return check_versions(work, *version_and_end)
     checks = {"pages": check_pages, "readonly": check_readonly, "types": check_types}
