@@ -30,14 +30,14 @@ _EQUAL_SIGNS = ("v_y2", "theta_1", "theta_2")
 # Share of the speed, or of the angle, by which columns that say the same may differ without a note:
 # tables print means of repeated throws, and a mean of speeds exceeds the speed of the mean by half
 # the squared relative scatter across it (0.5 % for a scatter of 10 %).
-_NOTED = 0.01
+_NOTED_SHARE = 0.01
 # Share by which they may not: no averaging or misprint of a late digit makes a fifth.
-_GROSS = 0.2
+_FAULTY_SHARE = 0.2
 # Sds of the noise by which no row is above what is possible: by chance one of three million on the
 # bound.
-_SDS = 5.0
+_MOST_SDS = 5.0
 # Columns of a table, and columns to choose from, that a message names.
-_NAMED = 20
+_NAMED_COLUMNS = 20
 # Numbers of a row that a message names.
 _NAMED_NUMBERS = 8
 
@@ -59,7 +59,7 @@ def missing_columns(
     that may be meant. Without `rebound` incident columns suffice.
     """
     incident = counting_columns(present, "1")
-    meant = f" (columns: {listed(cells.names, most=_NAMED)})"
+    meant = f" (columns: {listed(cells.names, most=_NAMED_COLUMNS)})"
     if guesses:
         option = ",".join(f"{ours}={theirs}" for ours, theirs in guesses.items())
         meant = f': did you mean --columns "{option}"?'
@@ -77,7 +77,7 @@ def missing_columns(
                 )
                 cells.fault("no-incident-motion", words, name)
     if rebound and not any(name in present for name in REBOUND):
-        forms = listed(REBOUND, "or", _NAMED)
+        forms = listed(REBOUND, "or", _NAMED_COLUMNS)
         cells.fault("no-rebound", f"no rebound column; expected one of {forms}{meant}")
     if "omega_2" in present and "omega_1" not in present:
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
@@ -182,7 +182,7 @@ def redundant(cells: TableCells, numbers: Columns, units: Units) -> None:
                 # It may be zero in some rows.
                 scale = np.maximum(scale, np.nanmedian(scale))
             share = np.abs(numbers[name] - expected) / np.maximum(scale, 1e-12)
-            for k in np.flatnonzero(share > _GROSS).tolist():
+            for k in np.flatnonzero(share > _FAULTY_SHARE).tolist():
                 read = in_unit_of_file(name, float(numbers[name][k]), units)
                 other = in_unit_of_file(name, float(expected[k]), units)
                 words = (
@@ -199,7 +199,7 @@ def _note_disagreement(cells: TableCells, name: str, basis: str, share: FloatArr
     """Note rows in which a column differs from those that count by a `share` (rows,) that errors
     may have.
     """
-    rows = np.flatnonzero((share > _NOTED) & (share <= _GROSS))
+    rows = np.flatnonzero((share > _NOTED_SHARE) & (share <= _FAULTY_SHARE))
     if rows.size:
         word = "row" if rows.size == 1 else "rows"
         named = f"{word} {listed(cells.rows[rows].astype(str))}"
@@ -232,7 +232,7 @@ def energy(
     blamed = np.zeros(len(slope), dtype=np.bool_)
     # Where a slope is not finite nothing is known, and no comparison holds.
     for code, gain, sds in zip(results, results.values(), np.sqrt(variance).T, strict=True):
-        above = (gain > _SDS * sds) & ~blamed
+        above = (gain > _MOST_SDS * sds) & ~blamed
         blamed |= above
         column = None
         gained = "the ball gains energy"

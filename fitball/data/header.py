@@ -28,16 +28,16 @@ LABELS = ("id", "surface", "ball", "location", "session", "table")
 # Columns of numbers, with those of their sds.
 NUMBERS = tuple(name + suffix for name in COLUMNS for suffix in ("", "_sd"))
 # A longer cell is no name of ours, and patterns take time with the square of the length.
-_LONGEST = 100
+_MOST_CHARACTERS = 100
 # What a name that is probably meant counts for where a header is looked for.
-_GUESSED = 0.5
+_WORTH_OF_GUESS = 0.5
 # How alike two names are if one is a slip of the other: one wrong, missing or exchanged character
 # in a name as short as `v_y1`.
-_NEAR = 0.75
+_LEAST_LIKENESS = 0.75
 # Letters of the longest word that a name is cut into.
-_LONGEST_WORD = 20
+_MOST_LETTERS = 20
 # Columns of a table that a message names.
-_NAMED = 20
+_NAMED_COLUMNS = 20
 # Words of names by what they mean: quantity, direction, end of the bounce, deviation, nothing.
 _LEXICON = {
     "quantity": {
@@ -79,7 +79,7 @@ _GAP = re.compile(r"\s*/\s*|\s+in\s+|\s*[,:;]\s*|[_\s]")
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
 
 
-def bare(name: str) -> str:
+def bare_name(name: str) -> str:
     """A name without case, blanks, underscores and the like; Greek letters and indices in Latin."""
     for letter, word in {"θ": "theta", "ϑ": "theta", "ω": "omega", "σ": "sd"}.items():
         name = name.casefold().replace(letter, word)
@@ -87,7 +87,7 @@ def bare(name: str) -> str:
 
 
 # Our names by what is left of them without underscores.
-_BY_BARE = {bare(name): name for name in (*NUMBERS, *LABELS)}
+_BY_BARE = {bare_name(name): name for name in (*NUMBERS, *LABELS)}
 _BY_BARE |= dict.fromkeys(("no", "nr", "#", "number", "impactid", "impactno"), "id")
 
 
@@ -95,11 +95,11 @@ def our_name(name: str) -> str | None:
     """Our name of what differs from it in case, blanks and underscores only; correlations in the
     order of COLUMNS.
     """
-    if len(name) > _LONGEST:
+    if len(name) > _MOST_CHARACTERS:
         return None
     pair = _CORR.fullmatch(name)
     if pair is None:
-        return _BY_BARE.get(bare(name))
+        return _BY_BARE.get(bare_name(name))
     both = {our_name(their) for their in pair.groups()}
     ends = [column for column in COLUMNS if column in both]
     return f"corr({','.join(ends)})" if len(ends) == 2 else None
@@ -143,12 +143,12 @@ class Naming:
         """What a cell is worth as one of a header: 1 for a name of a column, 0.5 for a text that
         probably means one, 0 for any other.
         """
-        if not cell or len(cell) > _LONGEST or cell[0] in "0123456789+-.,−":
+        if not cell or len(cell) > _MOST_CHARACTERS or cell[0] in "0123456789+-.,−":
             return 0.0
         name, _ = self.split(cell)
         if self.by_user(cell, name) or our_name(name):
             return 1.0
-        return _GUESSED if len(guess_of(name)) == 1 else 0.0
+        return _WORTH_OF_GUESS if len(guess_of(name)) == 1 else 0.0
 
     def split(self, cell: str) -> tuple[str, str | None]:
         """Name and unit (None where there is none) of a header cell. Square brackets always hold a
@@ -156,7 +156,7 @@ class Naming:
         unit must be one.
         """
         text = cell.strip()
-        if len(text) > _LONGEST or our_name(text):
+        if len(text) > _MOST_CHARACTERS or our_name(text):
             return text, None
         if square := _SQUARE.fullmatch(text):
             return square["name"], square["unit"]
@@ -248,7 +248,7 @@ def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
     if sum(title.ours == "id" for title in titles) > 1:
         # `No.` beside `id` is a column of the user's own.
         for index, title in enumerate(titles):
-            if title.ours == "id" and bare(title.name) != "id":
+            if title.ours == "id" and bare_name(title.name) != "id":
                 titles[index] = title._replace(ours=None)
     return titles
 
@@ -285,7 +285,7 @@ def _check_user_names(
                 cells.note("not-read", words)
         elif column not in optional and not (optional and their == column):
             words = f"there is no column '{wanted}' to read as {column}"
-            columns = listed(cells.names, most=_NAMED)
+            columns = listed(cells.names, most=_NAMED_COLUMNS)
             cells.fault("no-column", f"{words}; columns of the table: {columns}", column)
 
 
@@ -327,7 +327,7 @@ def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[st
         return
     end = end_of(name)
     free = [ours for ours in NUMBERS if ours not in taken and end in (None, end_of(ours))]
-    near = get_close_matches(name[:_LONGEST].lower(), free, n=2, cutoff=_NEAR)
+    near = get_close_matches(name[:_MOST_CHARACTERS].lower(), free, n=2, cutoff=_LEAST_LIKENESS)
     if near:
         words = f"unknown column; did you mean {listed(map(repr, near), 'or')}?"
         remedy = "Rename it, or give a column of your own a less similar name"
@@ -377,7 +377,7 @@ def guess_of(name: str) -> tuple[str, ...]:
     """
     meanings = [meaning for meaning in _meanings(name) if meaning[0] != "filler"]
     kinds = dict(meanings)
-    usual = "height" if bare(name) in _OF_A_DROP else ""
+    usual = "height" if bare_name(name) in _OF_A_DROP else ""
     quantity = kinds.get("quantity", usual)
     says_twice = len(kinds) < len(meanings)
     if not quantity or says_twice or ("direction" in kinds and quantity != "v"):
@@ -394,14 +394,14 @@ def guess_of(name: str) -> tuple[str, ...]:
 
 def _is_unit(word: str) -> bool:
     """Whether a word of a name is a unit, and no word of ours."""
-    return len(word) > 1 and bare(word) not in _WORDS and symbol_of(word) is not None
+    return len(word) > 1 and bare_name(word) not in _WORDS and symbol_of(word) is not None
 
 
 def _meanings(name: str) -> list[tuple[str, str]]:
     """The meanings of the words of a name, units left out; none if it has other words."""
-    if len(name) > _LONGEST:
+    if len(name) > _MOST_CHARACTERS:
         return []
-    words = _words_of(bare("".join(word for word in name.split() if not _is_unit(word))))
+    words = _words_of(bare_name("".join(word for word in name.split() if not _is_unit(word))))
     return [_WORDS[word] for word in words or []]
 
 
@@ -410,7 +410,7 @@ def _words_of(text: str) -> list[str] | None:
     """The text as words, the longest first; None where no way of cutting it leaves nothing over."""
     if not text:
         return []
-    for size in range(min(len(text), _LONGEST_WORD), 0, -1):
+    for size in range(min(len(text), _MOST_LETTERS), 0, -1):
         word = text[:size]
         if word in _WORDS:
             rest = _words_of(text[size:])

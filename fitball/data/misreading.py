@@ -26,43 +26,44 @@ from fitball.base.errors import Note
 from fitball.base.text import listed
 from fitball.base.units import factor_of
 from fitball.base.values import Ball, FloatArray, IntArray
+from fitball.data.kinematics import Columns
 from fitball.data.table import ImpactTable
 
 # The next five are measured on 138 tables read well and 63 misread ones of 23 designs
 # (tests/test_misreading.py).
 # Log likelihood by which another reading must be better in all.
-_GAIN = 10.0
-# Log likelihood by which it must be better a row.
-_GAIN_EACH = 2.0
-# What a reading that describes a table may leave a row.
-_DESCRIBES = 6.0
-# What a table that is read well seldom leaves a row.
-_WELL = 3.0
+_LEAST_GAIN = 10.0
+# Log likelihood by which it must be better for each row.
+_LEAST_GAIN_OF_ROW = 2.0
+# Misfit of a row up to which a reading describes a table.
+_MOST_MISFIT_OF_ROW = 6.0
+# Misfit of a row that is seldom exceeded where a table is read well.
+_SELDOM_MISFIT_OF_ROW = 3.0
 # The gain of signs chosen row by row, beyond the cost of the choice.
-_GAIN_CHOSEN = 5.0
+_LEAST_GAIN_OF_SIGNS = 5.0
 # Readings are named beside the best one if they are no more than this worse in all.
-_TIE = 3.0
-# So much worse they may be a row, too.
-_TIE_EACH = 0.1
-# As many readings are named.
-_NAMED = 3
+_TIED_WITHIN = 3.0
+# They may be worse by this for each row besides.
+_TIED_WITHIN_OF_ROW = 0.1
+# Most readings that are named.
+_NAMED_READINGS = 3
 # Share of the motion: a misfit that says nothing, since no ball obeys the laws better.
-_FLOOR = 0.05
+_SHARE_OF_NO_WEIGHT = 0.05
 # Share of the motion across the court: motion along it that says little, as of a ball that is
 # dropped.
-_SMALL = 0.2
+_LEAST_SHARE_ALONG = 0.2
 # Rows that are looked at: more change no answer.
-_ROWS = 60
+_MOST_ROWS = 60
 # Complete rows that are enough to look at these alone.
 _LEAST_ROWS = 6
 # Numbers beyond this [SI] are cut off: a table that is refused may have any number in it.
-_LARGEST = 1e6
+_LARGEST_NUMBER = 1e6
 # A table of fewer columns may repeat rows by chance.
 _REPEATING_COLUMNS = 4
 # Groups of repeated rows that are named.
 _NAMED_REPEATS = 4
 # A plausible restitution has a median from and to.
-_RESTITUTION = (0.3, 1.0)
+_PLAUSIBLE_RESTITUTIONS = (0.3, 1.0)
 # Restitution that stands in for v_y2 where it was not measured.
 _USUAL_RESTITUTION = 0.75
 # The motion along the court that a misfit is a share of: this quantile over the rows.
@@ -74,15 +75,14 @@ _REFINEMENTS = 7
 # By how much each grid is finer than the one before.
 _FINER = 0.45
 # Units that people measure balls in; a table in others says so.
-_USUAL = {
+_USUAL_UNITS = {
     "m/s": ("m/s", "km/h", "mph", "ft/s"),
     "rad/s": ("rad/s", "rpm", "rev/s", "deg/s"),
     "rad": ("deg", "rad"),
 }
 
-Columns: TypeAlias = Mapping[str, FloatArray]
-# By rebound column what a law leaves (points, impacts), and the size of the motion that it belongs
-# to.
+# By rebound column what a law leaves (points, impacts) [m/s], and the size of the motion [m/s] of
+# which that is a share.
 Residuals: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray | float]]
 # A misfit, and the root mean square that each law leaves [m/s].
 Misfit: TypeAlias = tuple[float, dict[str, float]]
@@ -90,9 +90,11 @@ Misfit: TypeAlias = tuple[float, dict[str, float]]
 
 @dataclass(frozen=True, eq=False)
 class Doubt:
-    """Another reading: `columns` (impacts,) as they are then [SI], columns to `flip` or what else
-    to do if it is meant, what it changes (`kind`), the `cost` of what it chooses row by row, its
-    `gain` in log likelihood.
+    """Another reading of a table.
+
+    `columns` are then in SI; `flip` names columns to flip, `remedy` says what else to do if the
+    reading is meant; `kind` is what it changes, `cost` that of what it chooses row by row, `gain`
+    its gain in log likelihood.
     """
 
     words: str
@@ -119,8 +121,8 @@ class Doubt:
 
 
 def doubts(table: ImpactTable, ball: Ball) -> tuple[Doubt, ...]:
-    """Readings that explain a table far better than its header does, the best first; none if none
-    does.
+    """Readings that explain a table far better than its header does, the best first; empty if no
+    reading does.
     """
     units = {}
     for read in table.read:
@@ -131,32 +133,32 @@ def doubts(table: ImpactTable, ball: Ball) -> tuple[Doubt, ...]:
 
 
 def better_readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> tuple[Doubt, ...]:
-    """`doubts` of columns (impacts,) [SI] with `units` as in the header (default: SI), also of a
-    table that is refused.
+    """Readings that explain columns [SI] far better than their header does, the best first. `units`
+    are those of the header, SI where it has none. The columns may be of a table that is refused.
     """
     columns = _complete_rows(columns)
     count = len(next(iter(columns.values()))) if columns else 0
     before = misfit(columns, ball) if count > 1 else (0.0, {})
     as_read, _ = before
-    if as_read < _GAIN_CHOSEN:
+    if as_read < _LEAST_GAIN_OF_SIGNS:
         return ()
-    least = max(_GAIN, _GAIN_EACH * count)
+    least = max(_LEAST_GAIN, _LEAST_GAIN_OF_ROW * count)
     readings = _weighed(_readings(columns, units, ball), before, ball)
     best = max([0.0, *(reading.gain for reading in readings)])
-    if as_read - best > _WELL * count:
+    if as_read - best > _SELDOM_MISFIT_OF_ROW * count:
         # Two things may be wrong; that is said only where it is much better than one.
-        for pair in _weighed(_pairs(columns, units), before, ball):
+        for pair in _weighed(_pairs_of_changes(columns, units), before, ball):
             if pair.gain > best + least:
                 readings.append(pair)
     if not readings:
         return ()
     readings.sort(key=lambda reading: -reading.gain)
     first = readings[0]
-    needed = _GAIN_CHOSEN if first.cost else least
-    if first.gain < needed or as_read - first.gain > _DESCRIBES * count:
+    needed = _LEAST_GAIN_OF_SIGNS if first.cost else least
+    if first.gain < needed or as_read - first.gain > _MOST_MISFIT_OF_ROW * count:
         return ()
-    tied = first.gain - _TIE - _TIE_EACH * count
-    return tuple(reading for reading in readings if reading.gain >= tied)[:_NAMED]
+    tied = first.gain - _TIED_WITHIN - _TIED_WITHIN_OF_ROW * count
+    return tuple(reading for reading in readings if reading.gain >= tied)[:_NAMED_READINGS]
 
 
 def _complete_rows(columns: Columns) -> Columns:
@@ -164,9 +166,9 @@ def _complete_rows(columns: Columns) -> Columns:
     where too few rows are complete.
     """
     columns = {
-        name: np.clip(values, -_LARGEST, _LARGEST)
+        name: np.clip(values, -_LARGEST_NUMBER, _LARGEST_NUMBER)
         for name, values in columns.items()
-        if COLUMNS[name].unit in _USUAL and not COLUMNS[name].gap
+        if COLUMNS[name].unit in _USUAL_UNITS and not COLUMNS[name].gap
     }
     while columns:
         finite = np.all([np.isfinite(values) for values in columns.values()], axis=0)
@@ -177,9 +179,9 @@ def _complete_rows(columns: Columns) -> Columns:
         del columns[max(gaps, key=lambda name: gaps[name])]
     else:
         return {}
-    if len(complete) > _ROWS:
+    if len(complete) > _MOST_ROWS:
         # Not at equal steps, which a table that repeats a pattern would answer with.
-        complete = np.sort(np.random.default_rng(0).choice(complete, _ROWS, replace=False))
+        complete = np.sort(np.random.default_rng(0).choice(complete, _MOST_ROWS, replace=False))
     return {name: values[complete] for name, values in columns.items()}
 
 
@@ -209,9 +211,10 @@ def repeated_rows(table: ImpactTable) -> tuple[Note, ...]:
 
 
 def _weighed(readings: Iterable[Doubt], before: Misfit, ball: Ball) -> list[Doubt]:
-    """The readings that are plausible and leave half of anything in its own unit, with their gains:
-    of balls that graze the court, whose restitution is mostly noise, shares of other motions may
-    fall where nothing is explained.
+    """The readings that are plausible and halve the residuals of at least one column, with gains.
+
+    The gain alone is not enough: of balls that graze the court, whose restitution is mostly noise,
+    shares of other motions may fall where nothing is explained.
     """
     cost_before, rms_before = before
     weighed = list[Doubt]()
@@ -229,7 +232,7 @@ def _weighed(readings: Iterable[Doubt], before: Misfit, ball: Ball) -> list[Doub
 
 def _readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> Iterator[Doubt]:
     """Other readings of these columns that make sense."""
-    yield from _turned(columns)
+    yield from _with_other_signs(columns)
     yield from _in_units(columns, units)
     yield from _swapped(columns)
     unsigned = []
@@ -243,10 +246,10 @@ def _readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> Iterato
         yield from _signed(columns, names, ball)
 
 
-def _pairs(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:
+def _pairs_of_changes(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:
     """Two changes at once: signs and something else, or units of two quantities."""
-    for first in (*_turned(columns), *_in_units(columns, units)):
-        for second in (*_turned(first.columns), *_in_units(first.columns, units)):
+    for first in (*_with_other_signs(columns), *_in_units(columns, units)):
+        for second in (*_with_other_signs(first.columns), *_in_units(first.columns, units)):
             kinds = (first.kind, second.kind)
             if first.kind < second.kind and ("sign" in kinds or "zero" not in kinds):
                 remedy = "; ".join(filter(None, (first.remedy, second.remedy)))
@@ -261,7 +264,7 @@ def _singles_and_pairs(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
     yield from combinations(names, 2)
 
 
-def _turned(columns: Columns) -> Iterator[Doubt]:
+def _with_other_signs(columns: Columns) -> Iterator[Doubt]:
     """Signs, of two columns at most, since more are the mirror image of fewer; angles from the
     normal.
     """
@@ -283,7 +286,7 @@ def _turned(columns: Columns) -> Iterator[Doubt]:
 
 def _in_units(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:
     """One quantity in another unit, at both ends or, where spins show it, at one."""
-    for si, symbols in _USUAL.items():
+    for si, symbols in _USUAL_UNITS.items():
         every = tuple(name for name in columns if COLUMNS[name].unit == si)
         sets = [every]
         if "omega_2" in columns:
@@ -382,8 +385,8 @@ def _best_signs(moved: Sequence[Columns], ball: Ball) -> IntArray:
 
 
 def motion(columns: Columns) -> dict[str, FloatArray]:
-    """Components [m/s] and spins [rad/s] (impacts,) that columns determine; incident spin is zero
-    where it was not measured.
+    """The columns and the components [m/s] that speeds and angles determine; incident spin [rad/s]
+    is zero where it was not measured.
     """
     moved = {"omega_1": np.zeros(len(next(iter(columns.values())))), **columns}
     for end in "12":
@@ -402,7 +405,7 @@ def _plausible(columns: Columns) -> bool:
     moved = motion(columns)
     if "v_y1" in moved and "v_y2" in moved:
         # Not as quotients, which may be by zero.
-        least, most = (moved["v_y2"] - share * moved["v_y1"] for share in _RESTITUTION)
+        least, most = (moved["v_y2"] - share * moved["v_y1"] for share in _PLAUSIBLE_RESTITUTIONS)
         if np.median(least) < 0.0 or np.median(most) > 0.0:
             return False
     angles = [values for name, values in columns.items() if name.startswith("theta")]
@@ -410,24 +413,24 @@ def _plausible(columns: Columns) -> bool:
 
 
 def misfit(columns: Columns, ball: Ball) -> Misfit:
-    """What the best fit of the laws leaves [natural units of log likelihood], priors included, and
-    root mean squares by column [m/s].
+    """The misfit of the laws of an impulse at their best fit to columns [SI], in natural units of
+    log likelihood, priors included; and root mean squares of the residuals by column [m/s].
     """
     moved = motion(columns)
     cost = 0.0
     rms = dict[str, float]()
     if "v_y1" in moved and "v_y2" in moved:
-        of_law, rms_of_law = _restitution(moved)
+        of_law, rms_of_law = _restitution_misfit(moved)
         cost += of_law
         rms |= rms_of_law
     if "v_x1" in moved and "v_y1" in moved and ("v_x2" in moved or "omega_2" in moved):
-        of_law, rms_of_law = _tangential(moved, ball)
+        of_law, rms_of_law = _tangential_misfit(moved, ball)
         cost += of_law
         rms |= rms_of_law
     return cost, rms
 
 
-def _restitution(moved: Columns) -> Misfit:
+def _restitution_misfit(moved: Columns) -> Misfit:
     """Misfit of v_y2/v_y1 as a line in the speed; points are its value at the median and its slope
     over the relative speed.
     """
@@ -441,10 +444,10 @@ def _restitution(moved: Columns) -> Misfit:
         return {"v_y2": (v_2 - expected, np.abs(expected))}
 
     axes = [(0.05, 1.0, 15), (-0.6, 0.6, 7)]
-    return _fitted(law, axes, usual=[_USUAL_RESTITUTION, 0.0], widths=[0.2, 0.2])
+    return _least_misfit(law, axes, usual=[_USUAL_RESTITUTION, 0.0], widths=[0.2, 0.2])
 
 
-def _tangential(moved: Columns, ball: Ball) -> Misfit:
+def _tangential_misfit(moved: Columns, ball: Ball) -> Misfit:
     """Misfit of grip and slip and of angular momentum; points are log mu, tangential restitution
     and offset of the normal force.
     """
@@ -463,7 +466,7 @@ def _tangential(moved: Columns, ball: Ball) -> Misfit:
         turned = a * radius * (moved["omega_2"] - moved["omega_1"])
         squares.append(turned**2)
     along = float(np.quantile(np.sqrt(np.mean(squares, axis=0)), _SIZE_QUANTILE))
-    size = max(along, _SMALL * float(np.median(pressed)))
+    size = max(along, _LEAST_SHARE_ALONG * float(np.median(pressed)))
 
     def law(points: FloatArray) -> Residuals:
         most = np.exp(points[:, :1]) * pressed
@@ -485,10 +488,10 @@ def _tangential(moved: Columns, ball: Ball) -> Misfit:
         (-0.98, 0.98, 5),
         (-0.3, 0.3, 5),
     ]
-    return _fitted(law, axes, usual=[log(0.5), 0.0, 0.0], widths=[0.8, 0.5, 0.1])
+    return _least_misfit(law, axes, usual=[log(0.5), 0.0, 0.0], widths=[0.8, 0.5, 0.1])
 
 
-def _fitted(
+def _least_misfit(
     law: Callable[[FloatArray], Residuals],
     axes: Sequence[tuple[float, float, int]],
     usual: list[float],
@@ -524,7 +527,7 @@ def _fitted(
 
 def _penalty(residuals: FloatArray, size: FloatArray | float) -> FloatArray:
     """Costs (points,) of residuals (points, impacts) beside the size of what they belong to."""
-    share = np.minimum(np.abs(residuals) / np.maximum(size, 1e-12), 1e6) / _FLOOR
+    share = np.minimum(np.abs(residuals) / np.maximum(size, 1e-12), 1e6) / _SHARE_OF_NO_WEIGHT
     return np.asarray(np.log1p(share * share).sum(axis=1))
 
 

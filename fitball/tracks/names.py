@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import one_line
 from fitball.base.units import symbol_of
-from fitball.data.header import Naming, bare
+from fitball.data.header import Naming, bare_name
 
 # Columns of the long table with their SI units (`text` of labels), and other names that people and
 # programs give them.
@@ -30,7 +30,7 @@ POSITION_COLUMNS: Mapping[str, tuple[str, str]] = {
 _OUR_NAMES = {
     word: ours
     for ours, (_, words) in POSITION_COLUMNS.items()
-    for word in (bare(ours), *words.split())
+    for word in (bare_name(ours), *words.split())
 }
 # A name with pixels as its unit: `x (px)`, `x_pixels`.
 _PIXELS = re.compile(
@@ -71,7 +71,7 @@ class FilmNaming:
             return pixels["name"], "px"
         name, unit = self.plain.split(cell)
         front, _, last = cell.strip().replace(" ", "_").rpartition("_")
-        if unit is None and bare(front) in _OUR_NAMES and symbol_of(last):
+        if unit is None and bare_name(front) in _OUR_NAMES and symbol_of(last):
             return front, last
         return name, unit
 
@@ -81,7 +81,7 @@ class FilmNaming:
         by_cell = self.theirs.get(cell.strip().casefold())
         by_user = by_cell or self.theirs.get(name.casefold())
         if by_user is None:
-            return _OUR_NAMES.get(bare(name)), unit
+            return _OUR_NAMES.get(bare_name(name)), unit
         ours, stated = by_user
         return ours, unit or stated
 
