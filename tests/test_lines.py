@@ -71,14 +71,16 @@ def test_what_is_refused(text, takes):
 
 
 def test_a_grid_of_impacts():
-    impacts, covariance = impact_grid(spans("omega_1=-10..10:3, v_1=17, theta_1=10..40:2", ALL))
+    impacts, covariance = impact_grid(
+        spans("omega_1=-10..10:3, v_1=17, theta_1=10..40:2", ALL), 0.0
+    )
     assert covariance is None
     assert len(impacts) == 6
     speed, angle = impacts.polar()
     assert_allclose(speed, 17.0, rtol=1e-15)
     assert_allclose(angle / DEG, [10, 10, 10, 40, 40, 40], rtol=1e-14)
     assert impacts.omega_1.tolist() == [-10.0, 0.0, 10.0] * 2
-    drop, _ = impact_grid(spans("v_y1=2..4:3", ALL))
+    drop, _ = impact_grid(spans("v_y1=2..4:3", ALL), 0.0)
     assert drop.v_y1.tolist() == [2.0, 3.0, 4.0]
     assert not drop.v_x1.any()
     assert not drop.omega_1.any()
@@ -86,7 +88,7 @@ def test_a_grid_of_impacts():
 
 def test_stated_errors_become_those_of_the_state():
     """The sum of the squares along and across the velocity, turned to its direction."""
-    _, covariance = impact_grid(spans("v_1=17±0.3, theta_1=20..50±0.5:2, omega_1=100±5", ALL))
+    _, covariance = impact_grid(spans("v_1=17±0.3, theta_1=20..50±0.5:2, omega_1=100±5", ALL), 0.0)
     for found, angle in zip(covariance, np.radians([20.0, 50.0]), strict=True):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         apart = turn.T @ found[:2, :2] @ turn
@@ -97,7 +99,7 @@ def test_stated_errors_become_those_of_the_state():
             atol=1e-16,
         )
     assert_array_equal(covariance[:, 2], [[0.0, 0.0, 25.0]] * 2)
-    plain, by_parts = impact_grid(spans("v_x1=3±0.1, v_y1=4", ALL))
+    plain, by_parts = impact_grid(spans("v_x1=3±0.1, v_y1=4", ALL), 0.0)
     assert plain.v_x1.tolist() == [3.0]
     assert by_parts[0].tolist() == [
         [0.1**2, 0, 0],
@@ -121,5 +123,5 @@ def test_stated_errors_become_those_of_the_state():
 )
 def test_what_makes_no_impact(text):
     with pytest.raises(ParameterError) as caught:
-        impact_grid(spans(text, ALL))
+        impact_grid(spans(text, ALL), 0.0)
     assert caught.value.code == "impact"
