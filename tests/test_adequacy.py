@@ -372,7 +372,7 @@ def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
     """Drops from one height, one of two balls higher: in sds of the rebound, by a regression with
     that ball.
     """
-    speed = np.linspace(7.0, 7.1, 12)
+    speed = np.linspace(6.83, 6.93, 12)
     high = np.arange(12) % 2
     wiggle = 0.01 * np.sin(5.0 * speed)
     values = {
@@ -401,7 +401,7 @@ def test_a_pattern_moves_what_follows_from_parameters_that_it_moves_little():
 
     with_ball = np.column_stack([first.slopes, higher])
     shift = parameters(with_ball) - parameters(first.slopes)
-    # A drop from 254 cm lands with 7.06 m/s, as the seventh does.
+    # A drop from 254 cm lands with 6.89 m/s through air, as the seventh does.
     rate = first.slopes[6]
     covariance = np.linalg.inv(first.slopes.T @ first.slopes)
     sd = np.sqrt(rate @ covariance @ rate)

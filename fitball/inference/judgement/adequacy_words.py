@@ -11,14 +11,13 @@ from fitball.inference.schema import Answer, NoiseCheck, ResidualTest
 
 # What to do where a kind of test finds a pattern.
 REMEDIES = {
-    "bias": "check zero, sign and unit of this column (`fitball check`)",
-    "trend": "compare other models (`fitball compare`)",
+    "bias": "check zero and scale of this column",
+    "trend": "another model, or a narrower range of impacts",
     "row": "check whether ball, court or camera changed in the course of the session",
-    "group": "fit parameters to each label of that column (`--pool PARAMETER=COLUMN`)",
-    "parameter": "fit this parameter to each label of that column (`--pool`)",
+    "group": "fit a parameter to each label of that column",
+    "parameter": "fit this parameter to each label of that column",
     "drift": "check whether ball, court or camera changed in the course of the session",
-    "law": "friction may depend on the speed: compare other models, or fit slow and fast impacts "
-    "apart",
+    "law": "friction may depend on the speed: fit slow and fast impacts apart",
     "growth": "state the error of each measurement in columns such as `v_x2_sd`",
     "outlier": "check these rows; `--noise student-t` gives outliers less weight",
     "linked": "state errors of the incident state in columns such as `v_1_sd`",

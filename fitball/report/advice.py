@@ -1,0 +1,186 @@
+"""What would help most after a fit: commands that run on its table, with names filled in.
+
+Each command changes something: a comparison has models that can differ, a level has labels, a noise
+is another than that of the fit. `FIT` stands for the folder of the fit, which a report does not
+know.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from fitball.base.text import listed
+from fitball.data.bundled import descriptions, path_of_source
+from fitball.inference.fitted import Fitted
+from fitball.inference.judgement.adequacy_words import REMEDIES
+from fitball.inference.problem.problem import base_of
+from fitball.inference.schema import ResidualTest
+from fitball.models.registry import candidates
+from fitball.report.frame_rows import frame_rows
+
+# Kinds of patterns that another model may describe.
+_OF_MODELS = ("bias", "trend", "group", "parameter", "law", "linked")
+# Fewest impacts of which a comparison can leave one out.
+_LEAST_COMPARED = 3
+# The option that a pattern names itself.
+_OPTION = re.compile(r" \((--pool [^()]*)\)$")
+# Sds from which a shift by an assumption matters.
+_LARGE_SHIFT = 2.0
+# How near to a bound of its prior, as a share of the bound, a best value lies on it.
+_AT_BOUND = 1e-3
+
+
+def useful_next(fit: Fitted) -> str:
+    """A sentence on what would help most: to remove a misfit, to determine what is not, to decide
+    between variants that matter; empty if none of these is needed.
+    """
+    advice = next(_advice(fit), "")
+    return f"Most useful next: {advice}." if advice else ""
+
+
+def remedy(fit: Fitted, test: ResidualTest) -> str:
+    """What to do about a pattern that was found, with commands for this table."""
+    pooled = _OPTION.search(test.pattern)
+    if pooled is not None:
+        return _or(_compare(fit), _command(fit, "calibrate", pooled[1]))
+    if test.kind == "group":
+        return _or(_compare(fit), _pool_of_group(fit, test))
+    if test.kind == "outlier":
+        check = "check these rows"
+        if fit.run.choices.noise or fit.run.scene.measurement.get("noise"):
+            return check
+        again = _command(fit, "calibrate", "--noise student-t")
+        return f"{check}; {again} gives outliers less weight"
+    if test.kind in _OF_MODELS:
+        return _or(_compare(fit), REMEDIES[test.kind])
+    return REMEDIES.get(test.kind, "")
+
+
+def _advice(fit: Fitted) -> Iterator[str]:
+    """What would help, the most helpful first, as words for a sentence."""
+    tests = [test for test in fit.adequacy.tests if test.found and test.kind in REMEDIES]
+    remedies = [remedy(fit, test) for test in tests]
+    if fit.adequacy.answer == "does not describe":
+        if any(note.code == "misread" for note in fit.notes):
+            yield f"{_command(fit, 'check')}, which says how else the table may be read"
+        pooling = [words for words in remedies if "--pool " in words]
+        yield (pooling or [_compare(fit) or _of_drops(fit)])[0]
+    yield from remedies
+    yield from _of_undetermined(fit)
+    yield from _of_variants(fit)
+
+
+def _of_drops(fit: Fitted) -> str:
+    """What serves where no other model of ours can describe vertical impacts."""
+    if len(fit.run.table) < _LEAST_COMPARED:
+        return "more impacts"
+    return (
+        "the restitution at each tested speed (section Drop test), a narrower range of speeds, or "
+        "a model of your own (`--model FILE.py:NAME`)"
+    )
+
+
+def _of_undetermined(fit: Fitted) -> Iterator[str]:
+    """What helps to determine parameters of the model that the data do not."""
+    rows = fit.summary
+    undetermined = rows["verdict"].isin(("prior-dominated", "one-sided"))
+    poor = rows.index[undetermined & rows["kind"].isin(("model", "level"))]
+    for name in poor:
+        bound = _stated_bound(fit, str(name))
+        if bound:
+            yield bound
+    timed = any(observable.column.timed for observable in fit.problem.observables)
+    if "k_y" in poor and not timed and fit.problem.contact_time is None:
+        stiff = listed(name for name in poor if name in ("k_y", "k_theta"))
+        yield f"the contact time, or `gap_time` from a film; it determines {stiff}"
+    if len(poor):
+        target = ",".join(map(str, poor))
+        plan = f"`fitball plan FIT --target {shlex.quote(target)}` proposes them"
+        yield f"impacts that determine {listed(poor)}; {plan}"
+
+
+def _stated_bound(fit: Fitted, name: str) -> str:
+    """What to do where a best value lies on a bound of a prior that was stated; empty elsewhere."""
+    stated = {**fit.run.scene.prior, **fit.run.choices.prior}
+    text = stated.get(name, stated.get(base_of(name), ""))
+    if not text:
+        return ""
+    priors = {parameter.spec.name: parameter.prior for parameter in fit.problem.prior.parameters}
+    point = fit.point.optima[0][name]
+    prior = priors[name]
+    for bound in prior.value(np.array(prior.support(prior.numbers))).tolist():
+        if abs(point - bound) <= _AT_BOUND * abs(bound):
+            best = f"its best value lies on the bound {bound:.4g} of {text}"
+            return f"another prior of {name} (`--prior`): {best}"
+    return ""
+
+
+def _of_variants(fit: Fitted) -> Iterator[str]:
+    """Which data decide between variants that fit equally well and matter."""
+    frame = fit.variants
+    choices = frame["as_good"].astype(bool) & (frame["instead_of"] != "")
+    matter = frame_rows(frame[choices & (frame["moved"] > _LARGE_SHIFT)])
+    if matter:
+        farthest = max(matter, key=lambda row: row.number("moved"))
+        choice = farthest.text("choice")
+        yield f"data that decide between `{farthest.text('instead_of')}` and `{choice}`"
+
+
+def _compare(fit: Fitted) -> str:
+    """The command that compares models on this table; empty where it has too few impacts, or
+    models cannot differ.
+    """
+    table = fit.run.table
+    models = candidates(tangential=table.has_tangential, spin=table.has_spin)
+    if len(table) < _LEAST_COMPARED or len(models) < 2:
+        return ""
+    return _command(fit, "compare")
+
+
+def _pool_of_group(fit: Fitted, test: ResidualTest) -> str:
+    """The command that fits a parameter to each label of a column in which a bias was found: the
+    restitution of a vertical velocity, else the friction; empty where that is done already, or
+    there is no such column of labels.
+    """
+    levels = {(level.parameter, level.column) for level in fit.problem.forward.levels}
+    names = {spec.name for spec in fit.problem.forward.model.parameters}
+    parameter = "cor_10" if test.column == "v_y2" or "mu" not in names else "mu"
+    for column in fit.run.table.labels:
+        is_group = f" in {column} " in test.pattern
+        if is_group and parameter in names and (parameter, column) not in levels:
+            return _command(fit, "calibrate", f"--pool {shlex.quote(f'{parameter}={column}')}")
+    return ""
+
+
+def _command(fit: Fitted, verb: str, options: str = "") -> str:
+    """A command on the table of a fit, read as it was; of a table in memory the function of
+    Python.
+    """
+    read = fit.run.table.read
+    sources = [entry.get("source", "") for entry in read]
+    if not sources or not all(Path(source.partition("#")[0]).is_file() for source in sources):
+        return f"`fitball.{verb}`" + (f" with `{options}`" if options else "")
+    words = ["fitball", verb, *map(_source, sources)]
+    for name in ("columns", "flip", "ignore"):
+        if read[0].get(name):
+            words += [f"--{name}", read[0][name]]
+    if verb != "check" and any(note.code == "misread" for note in fit.notes):
+        words.append("--as-read")
+    return f"`{' '.join([shlex.join(words), options]).strip()}`"
+
+
+def _source(source: str) -> str:
+    """A table as the command line takes it: of a bundled one the name."""
+    name = Path(source).stem
+    bundled = name in descriptions() and path_of_source(name) == Path(source)
+    return name if bundled else source
+
+
+def _or(*commands: str) -> str:
+    """Commands of which one will serve; those that are empty are left out."""
+    return ", or ".join(filter(None, commands))

@@ -1,0 +1,124 @@
+"""What a fit says would help most: commands that run on its table and change something."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+import fitball
+from fitball import cli
+from fitball.report import advice
+
+
+def write(path, columns):
+    """A table of these columns, as a file."""
+    names = list(columns)
+    rows = zip(*(np.broadcast_to(columns[name], 24).tolist() for name in names), strict=True)
+    lines = [",".join(names), *(",".join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def drops_of_two_balls():
+    """Two balls that differ by a tenth in their restitution."""
+    speed = np.tile([4.0, 5.0, 6.0, 7.0], 6)
+    cor = np.repeat([0.7, 0.8], 12)
+    noise = 0.01 * np.random.default_rng(3).standard_normal(24)
+    return {"v_y1": speed, "v_y2": cor * speed + noise, "make": np.repeat(["a", "b"], 12)}
+
+
+def drops_that_curve():
+    """A restitution that rises and falls with the speed, as no law of ours does."""
+    speed = np.linspace(2.0, 5.0, 24)
+    noise = 0.004 * np.random.default_rng(4).standard_normal(24)
+    cor = 0.39 + 0.257 * speed - 0.044 * speed**2
+    return {"v_y1": speed, "v_y2": cor * speed + noise}
+
+
+def impacts_with_friction_by_speed():
+    """Balls that slide, with a friction that falls with their speed."""
+    rng = np.random.default_rng(5)
+    speed = np.tile([12.0, 18.0, 24.0, 30.0], 6)
+    angle = np.repeat([12.0, 14.0, 16.0], 8)
+    v_x1 = speed * np.cos(np.radians(angle))
+    v_y1 = speed * np.sin(np.radians(angle))
+    mu = 0.7 - 0.015 * (speed - 20.0)
+    v_y2 = 0.75 * v_y1
+    lost = mu * (v_y1 + v_y2)
+    omega_2 = lost * 0.0576 * 0.033 / (0.56 * 0.0576 * 0.033**2)
+    return {
+        "v_x1": v_x1,
+        "v_y1": v_y1,
+        "v_x2": v_x1 - lost + 0.05 * rng.standard_normal(24),
+        "v_y2": v_y2 + 0.05 * rng.standard_normal(24),
+        "omega_2": omega_2 + 2.0 * rng.standard_normal(24),
+    }
+
+
+def commands_in(text):
+    """The commands that a text names in backticks, as words."""
+    return [shlex.split(command)[1:] for command in re.findall(r"`(fitball [^`]+)`", text)]
+
+
+def texts_of(fit):
+    """All advice of a fit: the sentence, and remedies of patterns."""
+    found = [advice.remedy(fit, test) for test in fit.adequacy.tests if test.found]
+    return [advice.useful_next(fit), *found]
+
+
+@pytest.mark.parametrize(
+    ("make", "model", "verbs"),
+    [
+        (drops_of_two_balls, "", {"calibrate"}),
+        (drops_that_curve, "", set()),
+        (impacts_with_friction_by_speed, "brody", {"compare"}),
+    ],
+)
+def test_commands_run_on_the_table(tmp_path, monkeypatch, make, model, verbs):
+    monkeypatch.chdir(tmp_path)
+    table = write(tmp_path / "my balls.csv", make())
+    fit = fitball.calibrate("my balls.csv", model=model, point_only=True, cores=1)
+    assert fit.adequacy.answer in ("does not describe", "describes except")
+    commands = [words for text in texts_of(fit) for words in commands_in(text)]
+    assert {words[0] for words in commands} == verbs
+    # Sentences of words with a meaning: no name is left to be filled in.
+    assert not re.search(r"PARAMETER|COLUMN\b|TABLE\b", " ".join(texts_of(fit)))
+    for words in {tuple(words) for words in commands}:
+        assert words[1] == table.name
+        quick = ["--models", "brody,grip-slip"] if words[0] == "compare" else ["--point-only"]
+        assert cli.main([*words, *quick, "--figures", "none", "--out", "again"]) == 0
+
+
+def test_a_level_is_named_with_its_parameter_and_column(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "balls.csv", drops_of_two_balls())
+    fit = fitball.calibrate("balls.csv", point_only=True, cores=1)
+    assert "--pool cor_10=make" in advice.useful_next(fit)
+    again = fitball.calibrate("balls.csv", pool={"cor_10": "make"}, point_only=True, cores=1)
+    assert "--pool" not in advice.useful_next(again)
+    low, high = (again.summary.loc[f"cor_10[{label}]", "point"] for label in "ab")
+    assert (low, high) == pytest.approx((0.7, 0.8), abs=0.02)
+
+
+def test_a_table_keeps_its_reading(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = impacts_with_friction_by_speed()
+    columns["spin after"] = -columns.pop("omega_2")
+    write(tmp_path / "t.csv", columns)
+    reading = {"columns": {"omega_2": "spin after"}, "flip": "omega_2"}
+    fit = fitball.calibrate("t.csv", model="brody", point_only=True, cores=1, **reading)
+    words = commands_in(advice.useful_next(fit))[0]
+    assert words[:2] == ["compare", "t.csv"]
+    assert words[words.index("--columns") + 1] == "omega_2=spin after"
+    assert words[words.index("--flip") + 1] == "omega_2"
+
+
+def test_a_prior_that_excludes_the_data_is_at_fault():
+    prior = {"mu": "uniform(0.62, 0.9)"}
+    fit = fitball.calibrate("wang_all", model="grip-slip", prior=prior, point_only=True, cores=1)
+    text = advice.useful_next(fit)
+    assert "0.62" in text
+    assert "prior" in text
+    free = fitball.calibrate("wang_all", model="grip-slip", point_only=True, cores=1)
+    assert "bound" not in advice.useful_next(free)
