@@ -136,3 +136,9 @@ def test_heights_of_a_table_are_compared_with_predictions(usual):
 def test_what_was_not_dropped_has_no_height(usual):
     frame = usual.predict(impact="v_y1=5").frames["predictions"]
     assert "rebound_height" not in {*frame["column"]}
+
+
+def test_no_number_of_drops_by_heights_determines_the_drag(usual):
+    """Of 40 drops more the error of the drag stays, 0.0043 of COR at 254 cm."""
+    expected = usual.plan(target="cor_254cm", count=40).frames["targets"].loc["cor_254cm"]
+    assert expected["now"] > expected["as before"] > 0.0036

@@ -195,12 +195,14 @@ class _ColumnSlopes:
         if problem.rows.errors is not None:
             errors = problem.rows.errors.take(self.nearest)
         self.errors = errors
-        # Planned impacts are filmed as the last were.
+        # Planned impacts are filmed, and dropped from heights, as the last were.
+        last = np.full(len(impacts), len(problem.table) - 1)
+        fall = None if problem.fall is None else problem.fall.take(last)
         camera = posterior.camera
         if camera is not None:
             session = np.full(len(impacts), len(camera.sessions) - 1)
             camera = camera._replace(session=session)
-        request = PredictionRequest(impacts, index, tuple(columns), camera=camera)
+        request = PredictionRequest(impacts, index, tuple(columns), camera=camera, fall=fall)
 
         def columns_at(rows: FloatArray) -> FloatArray:
             """Columns (rows, impacts, columns) at unknowns and errors of states (rows, n)."""
