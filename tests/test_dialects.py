@@ -13,9 +13,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support import workbooks
 
 from fitball.base.errors import FitballError, InputError, ParameterError
-from fitball.data.cells import numbers, read_cells
+from fitball.data.cells import numbers
 from fitball.data.header import Naming, end_of, guess_of, read_header
 from fitball.data.read import load_table
+from fitball.data.sources import read_cells
 
 HEADER = [
     "id",

@@ -20,13 +20,14 @@ from numpy.testing import assert_array_equal
 from support.workbooks import cell, ods, packed, row, xlsx
 
 from fitball.base.errors import InputError
-from fitball.data import records
-from fitball.data.cells import numbers, read_cells
+from fitball.data.cells import numbers
+from fitball.data.sources import read_cells
 
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from fitball.data.cells import numbers, read_cells
+from fitball.data.cells import numbers
+from fitball.data.sources import read_cells
 from fitball.data.header import Naming, read_header
 from fitball.base.errors import InputError
 
@@ -155,15 +156,15 @@ def test_cells_are_counted_as_they_are_read(tmp_path, monkeypatch):
     text.write_bytes(HEAD + b"5,4\n" * 20_000)
     book.write_bytes(xlsx(GOOD + "<row><c><v>1</v></c></row>" * 10_000))
     for path, name in (
-        (text, "MOST_CELLS"),
-        (text, "MOST_ROWS"),
-        (text, "MOST_BYTES"),
-        (book, "_MOST_TAGS"),
-        (book, "_MOST_UNPACKED"),
+        (text, "records.MOST_CELLS"),
+        (text, "texts.MOST_ROWS"),
+        (text, "records.MOST_BYTES"),
+        (book, "workbooks._MOST_TAGS"),
+        (book, "workbooks._MOST_UNPACKED"),
     ):
         with monkeypatch.context() as patch:
             assert len(read_cells(path, is_speed).rows) >= 10_000
-            patch.setattr(records, name, 10_000)
+            patch.setattr(f"fitball.data.{name}", 10_000)
             with pytest.raises(InputError) as caught:
                 read_cells(path, is_speed)
         assert caught.value.code == "too-large"
@@ -175,7 +176,7 @@ def is_speed(name):
 
 
 def test_rows_beyond_a_chunk_are_read_in_order_and_exactly(tmp_path, monkeypatch):
-    monkeypatch.setattr("fitball.data.cells._CELLS_AT_ONCE", 2000)
+    monkeypatch.setattr("fitball.data.layout._CELLS_AT_ONCE", 2000)
     values = np.random.default_rng(1).normal(10.0, 3.0, (2400, 2))
     frame = pandas.DataFrame(values, columns=["v_x1", "v_y1"])
     frame.to_csv(tmp_path / "t.csv", index=False)

@@ -17,9 +17,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from fitball.base.errors import ParameterError
-from fitball.data.cells import PARQUET, file_and_sheet
-from fitball.data.records import WORKBOOKS
+from fitball.data.sources import PARQUET, file_and_sheet
 from fitball.data.table import ImpactTable
+from fitball.data.workbooks import WORKBOOKS
 
 # Endings of tables in a folder; what `*` matches besides, scenes and notes, is none.
 ENDINGS = (".csv", ".tsv", ".txt", *WORKBOOKS, *PARQUET)

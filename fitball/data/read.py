@@ -23,13 +23,14 @@ from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
-from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
+from fitball.data.cells import TableCells, numbers
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.heights import heights_read, speeds_of_heights
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.scene import Scene, load_scene
+from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.table import ImpactTable, join_tables
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.

@@ -28,10 +28,11 @@ from fitball.base.text import listed, one_line
 from fitball.base.units import factor_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.bundled import path_of_source
-from fitball.data.cells import TableCells, file_and_sheet, numbers, read_cells
+from fitball.data.cells import TableCells, numbers
 from fitball.data.labels import role_of
 from fitball.data.read import TableSource
 from fitball.data.scene import CameraSection, Scene, ValueWithSd, load_scene
+from fitball.data.sources import file_and_sheet, read_cells
 from fitball.tracks.names import DIALECTS, POSITION_COLUMNS, FilmNaming
 from fitball.tracks.types import Track
 
