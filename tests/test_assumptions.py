@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import lognorm
 from support.density import REBOUND, TRUTH, near, problem_of, scene_of, table_of
 from support.fits import NOISE, at, best
 
@@ -99,6 +100,28 @@ def test_a_quick_fit_is_the_best_of_all_searches(two_mass, choice):
     # Not the fit's own values.
     (values_of_fit,) = at(problem, best(problem)).optima
     assert score(values_of_fit) < quick - 0.1
+
+
+NEW_PARAMETERS = {
+    "zeta_theta": (Choices("two-mass+torsion=free"), lognorm(1.0, scale=0.5), (0.0, 10.0)),
+    "degrees_of_freedom": (
+        Choices("two-mass", noise="student-t"),
+        lognorm(0.8, scale=8.0),
+        (2.0, 100.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NEW_PARAMETERS)
+def test_a_new_parameter_is_searched_from_quantiles_of_its_prior(name):
+    choices, law, bounds = NEW_PARAMETERS[name]
+    problem = problem_of(table_of(REBOUND, count=8), None, "two-mass")
+    changed = build_problem(problem.table, problem.scene, choices)
+    assert {*changed.free} - {*problem.free} == {name}
+    starts = module._search_starts(changed, at(problem, near(problem, 1, 0.0)[0]))
+    below, up_to = law.cdf(bounds)
+    expected = law.ppf(below + np.array([0.16, 0.5, 0.84]) * (up_to - below))
+    assert_allclose(np.unique(changed.values(starts)[name].round(6)), expected, atol=1e-6)
 
 
 def test_a_score_is_that_of_real_refits():

@@ -182,11 +182,7 @@ def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
         block = np.empty((levels.size, len(posed.free)))
         for k, parameter in enumerate(posed.prior.parameters):
             name = posed.free[k]
-            prior = parameter.prior
-            if name in values:
-                block[:, k] = values[name]
-            else:
-                block[:, k] = prior.value(prior.quantile(levels))
+            block[:, k] = values[name] if name in values else parameter.prior.quantile(levels)
         blocks.append(block)
     starts = posed.prior.coordinate(np.unique(np.concatenate(blocks), axis=0))
     gripped = raise_friction(posed, starts)[0]
