@@ -141,4 +141,5 @@ def test_what_was_not_dropped_has_no_height(usual):
 def test_no_number_of_drops_by_heights_determines_the_drag(usual):
     """Of 40 drops more the error of the drag stays, 0.0043 of COR at 254 cm."""
     expected = usual.plan(target="cor_254cm", count=40).frames["targets"].loc["cor_254cm"]
-    assert expected["now"] > expected["as before"] > 0.0036
+    # Of three times as many velocities without that error it would be a half.
+    assert expected["now"] > expected["as before"] > 0.7 * expected["now"]

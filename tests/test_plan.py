@@ -59,7 +59,7 @@ def drawn(fit, spread, names, logs=False):
             values[name] += step
     best = {name: np.array([value]) for name, value in point.items()}
     draws = Draws(point, values, best)
-    fit.__dict__["made"] = SimpleNamespace(problem=fit.problem, draws=draws)
+    fit.__dict__["built"] = SimpleNamespace(problem=fit.problem, draws=draws)
     return fit
 
 
@@ -75,7 +75,7 @@ def linear_fit(frame=None, **choices):
     point = {parameter.spec.name: parameter.fixed for parameter in problem.parameters}
     point |= {"a": 0.6, "e": 0.75, "c": 0.5}
     kinds = {name: "model" if name in "aec" else "noise" for name in point}
-    fit.__dict__["made"] = SimpleNamespace(problem=problem, draws=Draws(point, {}, {}))
+    fit.__dict__["built"] = SimpleNamespace(problem=problem, draws=Draws(point, {}, {}))
     fit.__dict__["summary"] = pd.DataFrame({"kind": kinds}).rename_axis("name")
     return drawn(fit, (0.04, 0.02, 0.1), ("a", "e", "c"))
 

@@ -30,7 +30,7 @@ def fit_with_variants(*table, tried=(), **choices):
     """A fit of which these variants were tried."""
     plain = fit_by_hand(*table, **choices)
     fit = replace(plain, alternatives=tried)
-    fit.__dict__["made"] = plain.made
+    fit.__dict__["built"] = plain.built
     return fit
 
 
@@ -55,7 +55,7 @@ def surfaces():
     best = dict(draws.best)
     for name, column in beyond.items():
         best[name] = np.median(column, keepdims=True)
-    fit.made.draws = Draws(draws.point, values, best)
+    fit.built.draws = Draws(draws.point, values, best)
     return fit
 
 
@@ -335,7 +335,7 @@ def test_blocks_and_threads_are_one_piece_and_long_tables_use_fewer_draws(fit, m
     chosen = (np.arange(count) * 400) // count
     values = {name: column[chosen] for name, column in fit.draws.values.items()}
     thinned = fit_with_variants()
-    thinned.__dict__["made"] = type(fit.made)(
+    thinned.__dict__["built"] = type(fit.built)(
         problem=fit.problem,
         draws=Draws(fit.draws.point, values, fit.draws.best),
     )
