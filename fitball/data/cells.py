@@ -34,8 +34,8 @@ class TableCells:
     `names` are the cells of the header, none empty, with the units of a row below it in brackets.
     `columns`, in that order, are arrays of text, or of numbers where the source has numbers. `rows`
     are the numbers of the rows of data from 1, `lines` those of the lines of the file (None in
-    memory); `header` is the header's line. `sha256` is that of the file's bytes, or of names and
-    cells in memory.
+    memory); `header` is the header's line, `above` the records above it, cut to the names. `sha256`
+    is that of the file's bytes, or of names and cells in memory.
 
     The table collects `notes` on what was assumed, and `faults`, for which it is refused.
     """
@@ -49,6 +49,7 @@ class TableCells:
     header: int | None = None
     notes: list[Note] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
+    above: list[list[str]] = field(default_factory=list)
 
     def text(self, index: int) -> list[str]:
         """The cells of the column of this index as text; whole numbers without a point."""

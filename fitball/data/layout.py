@@ -21,6 +21,12 @@ _Row: TypeAlias = tuple[int, int, list[str]]
 
 # Cells of a row of units for a column that has no unit.
 _NO_UNITS = ("", "-", "--", "—", "1", "[-]", "(-)", "[]", "()")
+# Pixels are a unit of positions.
+_PIXELS = ("px", "pixel", "pixels")
+# A row below a header with names worth so much is the same header in other words.
+_LEAST_WORTH_AGAIN = 2.0
+# How rows above a header begin that name the parts of each column, with numbers too.
+_LEVELS = ("scorer", "individuals", "bodyparts")
 # How rows begin that sum up a table.
 _SUMMARY = re.compile(
     r"(mean|average|median|sd|std(\.? ?dev)?|standard deviation|mittel(wert)?)[.:]?",
@@ -41,6 +47,7 @@ def without_nameless(cells: TableCells) -> TableCells:
     with_names = [k for k, name in enumerate(cells.names) if name]
     cells.columns = [cells.columns[k] for k in with_names]
     cells.names = [cells.names[k] for k in with_names]
+    cells.above = [[record[k] for k in with_names] for record in cells.above]
     return cells
 
 
@@ -57,7 +64,7 @@ def _names_with_units(
     for k, cell in enumerate(cells):
         if cell not in _NO_UNITS:
             filled[k] = cell.strip("[](){} ")
-    units = {k for k, text in filled.items() if symbol_of(text)}
+    units = {k for k, text in filled.items() if symbol_of(text) or text.lower() in _PIXELS}
     named = {k for k in filled if k < len(names) and name_worth(names[k])}
     if 2 * len(units) < len(filled) or units.isdisjoint(named):
         return None
@@ -79,6 +86,7 @@ def cells_of_records(
     rows: Iterator[Record],
     name_worth: NameWorth,
     notes: list[Note],
+    name_of_index: str = "",
 ) -> TableCells:
     """The cells of records: header and columns. Rows of another length, and those that sum up a
     table, are faults. Raises InputError (`empty`, `above-header`, `too-large`).
@@ -93,12 +101,12 @@ def cells_of_records(
         raise refusal(source, "empty", words)
     _note_above(source, head[:at], notes)
     line, header = head[at]
-    first_name = header[0].lstrip("# ") or header[0]
+    first_name = header[0].lstrip("# ") or header[0] or name_of_index
     names = [first_name, *header[1:]]
     records.check_shape(source, 1, len(names))
     below = chain(head[at + 1 :], filled)
     data = (record for record in below if not records.is_comment(record[1]))
-    first = [*islice(data, 1)]
+    first = _first_of_data(data, name_worth, notes)
     with_units = None
     if first:
         _, cells_below = first[0]
@@ -110,8 +118,26 @@ def cells_of_records(
     width = max(k + 1 for k, name in enumerate(names) if name)
     no_rows = np.empty(0, np.int64)
     cells = TableCells(source, sha256, names[:width], [], no_rows, None, line, notes)
+    blank = [""] * width
+    cells.above = [[*record, *blank][:width] for _, record in head[:at]]
     _fill(cells, _rows_of_data(cells, chain(first, data), header))
     return without_nameless(cells)
+
+
+def _first_of_data(
+    data: Iterator[Record],
+    name_worth: NameWorth,
+    notes: list[Note],
+) -> list[Record]:
+    """The first record below a header that is no header, without numbers, in other words, as those
+    of TrackMate; none where there are no data.
+    """
+    for line, cells in data:
+        worth = sum(map(name_worth, cells))
+        if worth < _LEAST_WORTH_AGAIN or any(map(NUMBER.fullmatch, cells)):
+            return [(line, cells)]
+        notes.append(Note("header-again", f"names of columns again in line {line}; ignored"))
+    return []
 
 
 def _note_above(source: str, above: Sequence[Record], notes: list[Note]) -> None:
@@ -121,7 +147,7 @@ def _note_above(source: str, above: Sequence[Record], notes: list[Note]) -> None
         if records.is_comment(cells):
             continue
         numeric = [cell for cell in cells if NUMBER.fullmatch(cell)]
-        if len(numeric) >= _LEAST_NUMBERS_OF_DATA:
+        if len(numeric) >= _LEAST_NUMBERS_OF_DATA and cells[0] not in _LEVELS:
             words = (
                 "read a row of numbers above the header; expected the header first: move it "
                 "up, or delete the row"

@@ -41,13 +41,19 @@ def file_and_sheet(source: str) -> tuple[str, str]:
     return file, sheet
 
 
-def read_cells(source: object, name_worth: NameWorth, name: str = "") -> TableCells:
+def read_cells(
+    source: object,
+    name_worth: NameWorth,
+    name: str = "",
+    name_of_index: str = "",
+) -> TableCells:
     """The cells of a file, a DataFrame or a mapping of columns.
 
     A file is text with any separator, in UTF-8, UTF-16 or Windows-1252, a workbook, of which
     `book.xlsx#sheet` chooses a sheet, or Parquet. The index of a DataFrame is a column if it has a
-    name. Faults call what is in memory by `name`. `name_worth` says what a cell is worth as one of
-    a header (`Naming.worth`).
+    name. An index or first column without a name is called `name_of_index`; where that is empty it
+    is left out. Faults call what is in memory by `name`. `name_worth` says what a cell is worth as
+    one of a header (`Naming.worth`).
 
     Faults that leave the rest readable are in `faults` of the result: `row-length`, `summary-row`.
 
@@ -57,7 +63,7 @@ def read_cells(source: object, name_worth: NameWorth, name: str = "") -> TableCe
             `not-parquet`, `no-pyarrow`, `not-a-table`).
     """
     if isinstance(source, Mapping) or hasattr(source, "iloc"):
-        return _cells_of_frame(name or type(source).__name__, source)
+        return _cells_of_frame(name or type(source).__name__, source, name_of_index)
     path, sheet = file_and_sheet(str(source))
     data = _content(str(source), path)
     suffix = Path(path).suffix.lower()
@@ -69,13 +75,13 @@ def read_cells(source: object, name_worth: NameWorth, name: str = "") -> TableCe
         raise refusal(str(source), "no-sheet", words)
     sha256 = hashlib.sha256(data).hexdigest()
     if suffix in PARQUET:
-        return _cells_of_frame(path, _parquet(path, data), sha256)
+        return _cells_of_frame(path, _parquet(path, data), name_of_index, sha256)
     notes = list[Note]()
     if suffix in WORKBOOKS:
         rows = workbook_records(path, data, suffix, sheet, name_worth, notes)
     else:
         rows = text_records(path, data, name_worth, notes)
-    return cells_of_records(str(source), sha256, rows, name_worth, notes)
+    return cells_of_records(str(source), sha256, rows, name_worth, notes, name_of_index)
 
 
 def _content(source: str, path: str) -> bytes:
@@ -97,9 +103,15 @@ def _content(source: str, path: str) -> bytes:
 # ---- memory, Parquet
 
 
-def _cells_of_frame(source: str, table: Any, sha256: str = "") -> TableCells:
-    """The cells of a DataFrame, or of what pandas makes one of; numbers stay numbers. Raises
-    InputError (`not-a-table`, `too-large`).
+def _cells_of_frame(
+    source: str,
+    table: Any,
+    name_of_index: str = "",
+    sha256: str = "",
+) -> TableCells:
+    """The cells of a DataFrame, or of what pandas makes one of; numbers stay numbers. The last of
+    several levels of names is the header, the others are above it. Raises InputError
+    (`not-a-table`, `too-large`).
     """
     import pandas
 
@@ -108,14 +120,34 @@ def _cells_of_frame(source: str, table: Any, sha256: str = "") -> TableCells:
     except (ValueError, TypeError) as error:
         words = f"expected columns of one length, by name ({error})"
         raise refusal(source, "not-a-table", words) from None
-    if any(level is not None for level in frame.index.names):
-        frame = frame.reset_index(allow_duplicates=True)
-    records.check_shape(source, *frame.shape)
-    names = [cell_text(name) for name in frame.columns]
-    columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
+    index = _index_columns(frame, name_of_index)
+    records.check_shape(source, len(frame), len(index) + len(frame.columns))
+    columns = [*map(_array, index.values())]
+    columns += [_array(frame.iloc[:, k]) for k in range(len(frame.columns))]
+    levels = []
+    for k, level in enumerate(frame.columns.names):
+        names_of_level = map(cell_text, frame.columns.get_level_values(k))
+        levels.append([*[cell_text(level or "")] * len(index), *names_of_level])
+    *above, names = levels
+    if not above:
+        names[: len(index)] = index
     sha256 = sha256 or _digest(names, columns)
     rows = np.arange(len(frame)) + 1
-    return without_nameless(TableCells(source, sha256, names, columns, rows))
+    return without_nameless(TableCells(source, sha256, names, columns, rows, above=above))
+
+
+def _index_columns(frame: DataFrame, name_of_index: str) -> dict[str, Series[Any]]:
+    """The columns of the index of a DataFrame by name; none of an index without a name that gets
+    none.
+    """
+    if not name_of_index and all(name is None for name in frame.index.names):
+        return {}
+    index = frame.index.to_frame(index=False)
+    columns = {}
+    for k, name in enumerate(frame.index.names):
+        unnamed = name_of_index if frame.index.nlevels == 1 else f"level_{k}"
+        columns[unnamed if name is None else cell_text(name)] = index.iloc[:, k]
+    return columns
 
 
 def _digest(names: Sequence[str], columns: Sequence[CellArray]) -> str:
