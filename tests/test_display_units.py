@@ -24,11 +24,12 @@ from fitball.inference.derived import quantities
 from fitball.inference.forward import CalibratedRange
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.models.specs import SPECS
-from fitball.report import fit_tables, lab
+from fitball.report import fit_page, fit_tables
 from fitball.report import plan as plan_page
 from fitball.report import predict as predict_page
 from fitball.report import simulate as simulate_page
 from fitball.report import track as track_page
+from fitball.uses.lab import drop_test
 
 # By symbol the unit of SI that it is read for, and how much of that it is: the SI brochure, 360
 # degrees a turn.
@@ -215,7 +216,13 @@ def test_the_page_of_a_fit():
 
 
 def test_rebounds_of_drops_are_in_centimetres():
-    assert shows(lab._valued(1.405, 1.40, 1.41), 1.405, "cm")
+    heights = {"drop_height": [2.54] * 3, "rebound_height": [1.40, 1.41, 1.405]}
+    fit = fitball.calibrate(heights, point_only=True)
+    head = "rebound from 254 cm [cm], 95 %"
+    row = rows_of(fit_page.report(fit), head)[0]
+    rebound = drop_test(fit.run.table, fit.run.scene)["rebound"][0]
+    assert rebound == pytest.approx(1.405, abs=1e-3)
+    assert shows(row[head], rebound, "cm")
 
 
 def test_the_page_of_a_film():
