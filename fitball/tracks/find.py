@@ -59,7 +59,7 @@ def impacts_of_track(track: Track, assumed: FilmAssumptions) -> tuple[list[Impac
             "on each side"
         )
         return [], reason
-    lows = _lowest_frames(track, assumed)
+    lows = lowest_frames(track, assumed)
     if not lows.size:
         reason = (
             f"no bounce: the height has no minimum from frame {track.frame[0]} to frame "
@@ -76,7 +76,7 @@ def impacts_of_track(track: Track, assumed: FilmAssumptions) -> tuple[list[Impac
     return impacts, ""
 
 
-def _lowest_frames(track: Track, assumed: FilmAssumptions) -> IntArray:
+def lowest_frames(track: Track, assumed: FilmAssumptions) -> IntArray:
     """Indices (impacts,) of the frames in which the ball is lowest."""
     # These take half a second to import, which only tracks need.
     from scipy.ndimage import median_filter

@@ -18,6 +18,7 @@ from fitball.data.scene import Scene
 from fitball.tracks.film import Filmed
 from fitball.tracks.find import GRAVITY_FACTOR, gravity_words, impacts_of_track, wrong_gravity
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
+from fitball.tracks.ids import joined
 from fitball.tracks.session import Session
 from fitball.tracks.types import FilmAssumptions, Track
 
@@ -43,8 +44,9 @@ def wrong_film(
         return wrong_gravity(impacts, assumed)
     # The other way up there may be bounces.
     upside_down = list[Impact]()
-    for track in tracks:
-        upside_down += impacts_of_track(replace(track, y=-track.y), assumed)[0]
+    mirrored, _ = joined([replace(track, y=-track.y) for track in tracks], assumed)
+    for track in mirrored:
+        upside_down += impacts_of_track(track, assumed)[0]
     if upside_down and not wrong_gravity(upside_down, assumed):
         return (
             'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] '

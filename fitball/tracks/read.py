@@ -34,6 +34,7 @@ from fitball.data.read import TableSource
 from fitball.data.scene import CameraSection, Scene, ValueWithSd, load_scene
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.tracks.names import DIALECTS, POSITION_COLUMNS, FilmNaming
+from fitball.tracks.polar import polar_columns
 from fitball.tracks.types import Track
 
 # Points of Tracker and DLTdv have numbers, no names.
@@ -346,6 +347,12 @@ class _Reader:
                 except ParameterError as error:
                     self.cells.fault(error.code, str(error), self._key(ball.indices[name]))
             columns[name] = column
+        for name, what in polar_columns(columns).items():
+            del columns[name]
+            pixels.discard(name)
+            head = one_line(self._key(ball.indices[name]))
+            words = f"{self.name}: '{head}' is {what}, no {name} of the ball: it is not used"
+            self.cells.note("polar-column", words)
         return _Columns(columns, pixels)
 
     def _texts(self, ball: _FilmedBall, name: str) -> list[str]:

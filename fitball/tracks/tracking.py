@@ -17,6 +17,7 @@ from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.tracks.film import Filmed, film_of
 from fitball.tracks.find import gravity_of, impacts_of_track
 from fitball.tracks.flight import Impact
+from fitball.tracks.ids import joined
 from fitball.tracks.notes import (
     misread_words,
     notes_of,
@@ -60,6 +61,8 @@ def track(
     source = listed(_names_of(sources), most=3)
     camera = _with_usual_errors(scene.camera or CameraSection())
     assumed = FilmAssumptions.of_scene(scene, camera)
+    tracks, notes_of_ids = joined(tracks, assumed)
+    notes += notes_of_ids
     refused = dict[str, str]()
     impacts = list[Impact]()
     for ball in tracks:

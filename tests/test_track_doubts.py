@@ -1,0 +1,199 @@
+"""What `track` notices in positions as programs write them: angles that are no marks, ids that
+change at a bounce. Controls are films that are right.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from support.films import Camera, bounces, filmed, scores
+
+import fitball
+from fitball.base.errors import InputError
+from fitball.data.scene import CameraSection, Scene
+from fitball.tracks.polar import polar_columns
+
+X = "x [m]"
+Y = "y [m]"
+MARKS = ["angle [rad]", "angle_fold"]
+
+
+def codes_of(film):
+    return {note.code for note in film.notes}
+
+
+def tracked(table, fps, **camera):
+    """A film as `track` measures it, with a court at zero if nothing else is passed."""
+    stated = {"fps": fps, "court": 0.0, **camera}
+    return fitball.track(table, scene=Scene(camera=CameraSection(**stated)), progress=False)
+
+
+def film_of(seed, count=1, **camera):
+    """Positions of impacts and their truth."""
+    rng = np.random.default_rng(seed)
+    truth = bounces(count, rng)
+    return filmed(truth, Camera(**{"outliers": 0.0, **camera}), rng), truth
+
+
+# ---- angles and radii of the position
+
+
+def polar_angles(x, y):
+    """Angles of the position and of the motion as programs have them, by what they are."""
+    angle = np.arctan2(y, x)
+    motion = np.arctan2(np.gradient(y), np.gradient(x))
+    return {
+        "rad": angle,
+        "deg": np.degrees(angle).round(1),
+        "whole deg": np.degrees(angle).round(),
+        "0 to 360 deg": np.degrees(angle) % 360.0,
+        "atan": np.arctan(y / x),
+        "clockwise": -angle,
+        "from the vertical": np.arctan2(x, y),
+        "about a point": np.arctan2(y - 0.4, x - 0.3),
+        "motion": motion,
+        "motion, y down": np.degrees(-motion),
+    }
+
+
+@pytest.mark.parametrize("kind", [*polar_angles(np.arange(1.0, 3.0), np.arange(1.0, 3.0))])
+def test_an_angle_of_the_position_or_of_the_motion_is_no_mark(kind):
+    table, truth = film_of(1, fps=240, noise=5e-4)
+    plain = table.drop(columns=MARKS)
+    theta = polar_angles(plain[X].to_numpy(), plain[Y].to_numpy())[kind]
+    film = tracked(plain.assign(theta=theta), 240)
+    # Spins are not measured, and all else is as without the column.
+    assert_allclose(film.impacts, tracked(plain, 240).impacts)
+    assert "omega_1 [rad/s]" not in film.impacts
+    assert {"polar-column", "no-spins"} <= codes_of(film)
+    speed_errors = scores(film, truth)[0][:, [0, 1, 3, 4]]
+    assert np.abs(speed_errors).max() < 4.0
+
+
+def test_a_distance_from_the_origin_is_no_radius_of_the_ball():
+    x, y = film_of(2, fps=240)[0][[X, Y]].to_numpy().T
+    px = {"x [px]": 900.0 + 500.0 * x, "y [px]": 600.0 + 500.0 * y}
+    distance = np.hypot(*px.values())
+    table = pd.DataFrame({"frame": np.arange(x.size), **px, "r [px]": distance.round(1)})
+    scene = Scene(camera=CameraSection(fps=240.0, court=1.2, mm_per_px=2.0))
+    scene = replace_ball(scene, 0.03302)
+    film = fitball.track(table, scene=scene, progress=False)
+    # As a radius it would make another scale.
+    assert "polar-column" in codes_of(film)
+    assert "scales-differ" not in codes_of(film)
+
+
+def replace_ball(scene, radius):
+    """A scene with a ball of this radius [m]."""
+    from msgspec.structs import replace as changed
+
+    return changed(scene, ball=changed(scene.ball, radius=radius))
+
+
+def test_marks_of_balls_are_never_read_as_angles_of_the_position():
+    marks = 0
+    for seed in range(24):
+        table, truth = film_of(seed, 3, fps=[240, 1000][seed % 2], fold=[1, 2, 4][seed % 3])
+        if seed % 4 == 0:
+            # A ball that does not turn at all: its mark is at one angle.
+            table["angle [rad]"] = 0.5 * np.pi
+        columns = {"x": table[X], "y": table[Y], "angle": table["angle [rad]"]}
+        columns |= {
+            "radius": 0.033 + 1e-4 * np.random.default_rng(seed).standard_normal(len(table))
+        }
+        assert not polar_columns({name: np.asarray(values) for name, values in columns.items()})
+        marks += len(truth)
+    assert marks == 72
+    # A ball that is dropped without spin, beside a vertical stripe.
+    t = np.linspace(-0.15, 0.15, 60)
+    height = np.where(t < 0.0, -6.0 * t, 5.0 * t) - 4.9 * t**2
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, t.size))
+    for angle in (np.full(t.size, 0.5 * np.pi), 0.5 * np.pi + 0.01 * np.sin(50.0 * t)):
+        assert not polar_columns({"x": noise[0], "y": height + noise[1], "angle": angle})
+
+
+# ---- ids that change
+
+
+def lowest_of(table):
+    """Row in which the ball is lowest."""
+    return int(table[Y].rolling(3, center=True, min_periods=1).median().idxmin())
+
+
+def with_ids(table, last):
+    """The table with another id behind the row `last`."""
+    return table.assign(id=np.where(table.index <= last, "7", "12"))
+
+
+@pytest.mark.parametrize("late", [-1, 0, 1, 2])
+@pytest.mark.parametrize("fps", [240, 1000])
+def test_an_id_that_changes_at_the_bounce_is_joined(late, fps):
+    table, _ = film_of(3, fps=fps, noise=5e-4, leftward=late == 1)
+    plain = table.drop(columns=MARKS)
+    lowest = lowest_of(plain)
+    film = tracked(with_ids(plain, lowest + late), fps)
+    assert "ids-joined" in codes_of(film)
+    assert [*film.impacts.index] == ["7+12"]
+    whole = tracked(plain, fps)
+    assert_allclose(film.impacts, whole.impacts)
+    assert "ids-joined" not in codes_of(whole)
+
+
+def test_an_id_that_goes_on_without_the_ball_is_cut_where_the_ball_bounces():
+    """As motion models predict it, while the next id waits for seven frames."""
+    table, truth = film_of(4, fps=1000, noise=5e-4)
+    plain = table.drop(columns=MARKS)
+    lowest = lowest_of(plain)
+    falling = plain.loc[:lowest].assign(id="1")
+    rising = plain.loc[lowest + 8 :].assign(id="2")
+    last = falling.iloc[-1]
+    steps = np.arange(1, 13)[:, None]
+    ahead = last[[X, Y]].to_numpy(float) + steps * falling[[X, Y]].diff().tail(5).mean().to_numpy()
+    numbers = last["frame"] + steps[:, 0]
+    predicted = pd.DataFrame({"id": "1", "frame": numbers, X: ahead[:, 0], Y: ahead[:, 1]})
+    film = tracked(pd.concat([falling, predicted, rising]), 1000)
+    errors, _ = scores(replace_index(film), truth)
+    assert np.abs(errors[:, [0, 1, 3, 4]]).max() < 4.0
+
+
+def replace_index(film):
+    """The film, its only impact called 1 as in the truth."""
+    return replace(film, impacts=film.impacts.set_axis(["1"]))
+
+
+def test_an_id_that_changes_in_flight_too_is_joined():
+    table, _ = film_of(5, fps=500, noise=5e-4)
+    plain = table.drop(columns=MARKS)
+    lowest = lowest_of(plain)
+    number = np.digitize(plain.index, [lowest // 2, lowest + 1, (lowest + len(plain)) // 2])
+    film = tracked(plain.assign(id=number.astype(str)), 500)
+    assert [*film.impacts.index] == ["0+1+2+3"]
+    assert_allclose(film.impacts, tracked(plain, 500).impacts)
+    # The other way up it is said that the balls fall upwards.
+    with pytest.raises(InputError) as caught:
+        tracked(plain.assign(id=number.astype(str), **{Y: 1.0 - plain[Y]}), 500, court=None)
+    assert caught.value.code == "gravity"
+    assert 'y = "down"' in str(caught.value)
+
+
+def test_tracks_of_different_balls_are_not_joined():
+    table, _ = film_of(6, 8, fps=240)
+    plain = table.drop(columns=MARKS)
+    halves = []
+    clock = 0
+    for number, (_, clip) in enumerate(plain.groupby("id")):
+        lowest = clip[Y].idxmin()
+        # Falling and rising in turns, some frames apart, each at a place of its own.
+        half = clip.loc[:lowest] if number % 2 == 0 else clip.loc[lowest:]
+        frames = half["frame"] - half["frame"].iloc[0] + clock
+        halves.append(half.assign(frame=frames, **{X: half[X] + 0.2 * number}))
+        clock = frames.iloc[-1] + 3
+    with pytest.raises(InputError) as caught:
+        tracked(pd.concat(halves), 240)
+    assert caught.value.code == "no-impact"
+    # Whole clips, one after the other, stay what they are.
+    film = tracked(plain, 240)
+    assert "ids-joined" not in codes_of(film)
+    assert len(film.impacts) == 8
