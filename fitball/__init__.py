@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fitball.data.read import load_table
     from fitball.data.scene import Scene, load_scene
     from fitball.data.table import ImpactTable
+    from fitball.fit_verbs import export, load_fit, plan, plot, predict, simulate
     from fitball.inference.schema import Verdict
     from fitball.models.model import Model
     from fitball.models.own import model_from
@@ -42,20 +43,14 @@ if TYPE_CHECKING:
         calibrate,
         check,
         compare,
-        export,
         load_batch,
-        load_fit,
-        plan,
-        plot,
-        predict,
         rederive,
-        simulate,
         track,
     )
 
 _HOMES = {
-    "fitball.verbs": "calibrate check compare predict plan plot simulate track batch export "
-    "rederive bench load_fit load_batch",
+    "fitball.verbs": "calibrate check compare track batch rederive bench load_batch",
+    "fitball.fit_verbs": "predict plan plot simulate export load_fit",
     "fitball.data.force": "contact_time",
     "fitball.data.read": "load_table",
     "fitball.data.scene": "Scene load_scene",

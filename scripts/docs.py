@@ -139,7 +139,7 @@ def options_text() -> str:
             sections.append(words.text)
         if rows:
             sections.append(table("argument|means", rows).rstrip())
-    common = [(f"`--{name}`", meaning) for name, meaning in cli.COMMON.items()]
+    common = [(f"`--{name}`", meaning) for name, meaning in cli.OUTPUT_OPTIONS.items()]
     return "\n\n".join([*sections, "### Every verb", table("option|means", common)])
 
 

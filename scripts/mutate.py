@@ -95,6 +95,7 @@ TESTS = {
     "speed": "bench",
     "results": "verbs result",
     "verbs": "verbs cli",
+    "fit_verbs": "verbs cli",
     "": "text_numbers priors files result render scheduling cli calibrate",
 }
 # The comparison that a mutant has for each.

@@ -129,15 +129,68 @@ def test_bad_input_of_every_verb_has_a_code_and_leaves_no_file(tmp_path, monkeyp
                 assert f"--{name.replace('_', '-')}" in tried, verb
 
 
-def test_mistakes_in_python_have_codes_too():
-    for code, verb, data, options in (
+def _raises(code):
+    """What holds of a call that ends with this code."""
+    return pytest.raises(FitballError, check=lambda error: error.code == code)
+
+
+@pytest.mark.parametrize(
+    ("code", "verb", "data", "options"),
+    [
         ("no-data", "calibrate", [], {}),
         ("no-data", "track", None, {}),
-        ("count", "plan", fit_by_hand(), {"count": 2.5}),
         ("not-a-number", "calibrate", "wang_all", {"fix": {"mu": ""}}),
-    ):
-        with pytest.raises(FitballError, check=lambda error, code=code: error.code == code):
-            getattr(fitball, verb)(data, **options)
+        ("names", "calibrate", "wang_all", {"flip": 3}),
+        ("names", "compare", "wang_all", {"models": [len]}),
+        ("prior", "calibrate", "wang_all", {"prior": {"mu": 0.5}}),
+        ("pairs", "calibrate", "wang_all", {"prior": {"mu": None}}),
+        ("pairs", "calibrate", "wang_all", {"fix": {1: 0.5}}),
+        ("pairs", "calibrate", "wang_all", {"fix": [("mu", 0.5)]}),
+        ("own-model", "calibrate", "wang_all", {"model": len}),
+        ("own-model", "batch", "wang_all", {"model": len}),
+        ("own-model", "load_fit", "none", {"model": len}),
+        ("own-model", "load_batch", "none", {"model": len}),
+    ],
+)
+def test_mistakes_in_python_have_codes_too(code, verb, data, options, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with _raises(code):
+        getattr(fitball, verb)(data, **options)
+
+
+def _options_by_name(function):
+    """Options that are values by name."""
+    parameters = cli.parameters_of(function).values()
+    return [option.name for option in parameters if option.annotation in ("Pairs", "Numbers")]
+
+
+def test_values_by_name_are_no_text_in_python(tmp_path, monkeypatch):
+    """A text, as the command line has it, is refused by every verb and method."""
+    monkeypatch.chdir(tmp_path)
+    fit = fit_by_hand(table_of(36, ("clay", "hard")))
+    needed = {
+        "calibrate": {"data": "wang_all"},
+        "check": {"data": "wang_all"},
+        "compare": {"data": "wang_all"},
+        "predict": {"fit": fit, "impact": "v_1=17, theta_1=20 deg"},
+        "plan": {"fit": fit},
+        "simulate": {"impact": "v_1=17, theta_1=20 deg"},
+        "track": {"data": "table_tennis_topspin"},
+        "batch": {"data": "wang_all"},
+        "export": {"to": "json", "model": "brody"},
+    }
+    tried = set()
+    for verb, function in cli.VERBS.items():
+        for option in _options_by_name(function):
+            tried.add(verb)
+            call = needed.get(verb, {})
+            if (verb, option) == ("simulate", "level"):
+                call = {**call, "fit": fit}
+            with _raises("pairs"):
+                function(**call, **{option: "surface=clay"})
+    assert tried == {*needed, "rederive"}
+    with _raises("count"):
+        fit.plan(count=2.5)
 
 
 def test_a_negative_value_is_no_option():
@@ -146,7 +199,7 @@ def test_a_negative_value_is_no_option():
 
 def test_every_option_has_words():
     for verb in cli.VERBS.values():
-        shared = cli.help_of(cli.verbs.calibrate).arguments
+        shared = cli.help_of(cli.VERBS["calibrate"]).arguments
         words = cli.help_of(verb)
         parameters = dict(cli.parameters_of(verb))
         parameters.pop("progress", None)
@@ -181,14 +234,14 @@ def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
     asked = {"data": [str(tmp_path)], "model": ""}
     place = cli.default_folder("calibrate", asked)
     assert place == tmp_path / "calibrate"
-    assert cli.beside(place) == place
+    assert cli.next_free_folder(place) == place
     for name, following in (
         ("calibrate", "calibrate-2"),
         ("calibrate-2", "calibrate-3"),
     ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "report.html").touch()
-        assert cli.beside(place) == tmp_path / following
+        assert cli.next_free_folder(place) == tmp_path / following
 
 
 def test_help_needs_no_heavy_package():

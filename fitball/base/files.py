@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fitball.base.errors import FolderError
 from fitball.base.text import one_line
@@ -170,15 +170,17 @@ def csv_bytes(frame: DataFrame) -> bytes:
     return table.to_csv(index=False, lineterminator="\n").encode()
 
 
-def _guarded(cell: Any) -> Any:
+def _guarded(cell: object) -> object:
     """A text that a spreadsheet would compute, guards aside, with one guard more."""
     if isinstance(cell, str) and _FORMULA.match(cell) and not _NUMBER.fullmatch(cell):
         return f"'{cell}"
     return cell
 
 
-def json_bytes(content: Any) -> bytes:
-    """Lines of JSON, the last one ended. Raises ValueError for NaN and infinity, which JSON has
-    not.
+def json_bytes(content: object) -> bytes:
+    """Values that JSON has, as lines of it, the last one ended.
+
+    Raises:
+        ValueError: a number is NaN or infinite, which JSON has not.
     """
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()

@@ -1,11 +1,13 @@
-"""Types of the options of verbs, as Python and the command line take them."""
+"""Types of the options of verbs, and how Python and the command line read them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeVar
 
 from fitball.base.errors import ParameterError
 from fitball.base.progress import Progress
@@ -18,26 +20,72 @@ File: TypeAlias = str | Path
 Watch: TypeAlias = bool | Progress | None
 # A comma outside of brackets; one inside belongs to a name, as in mu[clay, wet].
 _COMMA = re.compile(r",(?![^\[]*\])")
-
-
-def as_list(data: Any) -> list[Any]:
-    """One source of data or several as a list; None is no source."""
-    if data is None:
-        return []
-    return list(data) if isinstance(data, list | tuple) else [data]
+_Value = TypeVar("_Value")
 
 
 def names_of(names: Names) -> list[str]:
-    """`A,B` or several names as a list."""
-    if not isinstance(names, str):
-        return list(names)
-    parts = (part.strip() for part in _COMMA.split(names))
-    return [part for part in parts if part]
+    """`A,B` or several names as a list.
+
+    Raises:
+        ParameterError: it is neither a text nor several texts (`names`).
+    """
+    if isinstance(names, str):
+        stripped = (name.strip() for name in _COMMA.split(names))
+        return [name for name in stripped if name]
+    if not _are_texts(names):
+        raise ParameterError(
+            f"read {reprlib.repr(names)}; expected names, as in 'a,b' or ['a', 'b']",
+            "names",
+        )
+    return list(names)
+
+
+def _is_mapping(pairs: object) -> bool:
+    """Whether an option has values by name, whatever the types say."""
+    return isinstance(pairs, Mapping)
+
+
+def _are_texts(names: object) -> bool:
+    """Whether an option has several names, all of them texts, whatever the types say."""
+    return isinstance(names, Iterable) and all(isinstance(name, str) for name in names)
+
+
+def pairs_of(option: str, pairs: Mapping[str, _Value] | None) -> dict[str, _Value]:
+    """The values of an option by name, empty without it.
+
+    Raises:
+        ParameterError: it is no mapping, such as a text, or a name is no text (`pairs`).
+    """
+    if pairs is None:
+        return {}
+    if not (_is_mapping(pairs) and _are_texts(pairs)):
+        wanted = f"expected values by name, as in {option}={{'name': value}}"
+        raise ParameterError(f"{option}: read {reprlib.repr(pairs)}; {wanted}", "pairs")
+    return dict(pairs)
+
+
+def texts_of(option: str, pairs: Mapping[str, str] | None) -> dict[str, str]:
+    """The texts of an option by name, a number as its text, empty without it.
+
+    Raises:
+        ParameterError: it is no mapping, a name is no text, or a value neither text nor number
+            (`pairs`).
+    """
+    texts = {}
+    values: Mapping[str, object] = pairs_of(option, pairs)
+    for name, value in values.items():
+        if not isinstance(value, str | Real):
+            read = f"read {reprlib.repr(value)} for {name}"
+            raise ParameterError(f"{option}: {read}; expected a text", "pairs")
+        texts[name] = str(value)
+    return texts
 
 
 def figures_to_save(figures: str) -> bool | Literal["all"]:
-    """Which figures a verb saves, of "" (the usual ones), all and none. Raises ParameterError
-    (`figures`).
+    """Which figures a verb saves, of "" (the usual ones), all and none.
+
+    Raises:
+        ParameterError: it is another word (`figures`).
     """
     if figures not in ("", "all", "none"):
         raise ParameterError(f"figures: read '{figures}', expected all or none", "figures")

@@ -21,6 +21,7 @@ from fitball.base.errors import (
 )
 from fitball.base.files import ResultFolder
 from fitball.base.numbers import counted
+from fitball.base.options import pairs_of, texts_of
 from fitball.base.progress import Progress
 from fitball.base.scheduling import as_completed
 from fitball.batches import rows
@@ -62,7 +63,7 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
 
     Raises:
         ParameterError: there are no tables (`no-tables`), no scheduler at the `address`
-            (`scheduler`), or no such noise (`noise`).
+            (`scheduler`), no such noise (`noise`), or an option is no mapping (`pairs`).
         ModelError: there is no such model, or the user's function fails (`own-model`).
         InputError: the scene cannot be read (`scene`).
     """
@@ -91,14 +92,17 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
 def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """The options with the scene read, and a function of a file as the model that it is: all tables
     are fitted with it, and their fits are read with it. What all tables would fail for is said at
-    once. Raises ParameterError (`noise`), ModelError, InputError (`scene`).
+    once. Raises ParameterError (`noise`, `pairs`), ModelError, InputError (`scene`).
     """
     checked = dict(options)
     text = checked["model"]
-    if isinstance(text, str) and text:
+    if text != "" and not isinstance(text, Model):
         model = model_of(text)
         if model.source:
             checked["model"] = model
+    checked["fix"] = pairs_of("fix", checked["fix"])
+    for name in ("columns", "prior", "pool"):
+        checked[name] = texts_of(name, checked[name])
     if checked["noise"]:
         noise_kind(checked["noise"])
     if checked["scene"] and not isinstance(checked["scene"], Scene):
@@ -156,7 +160,7 @@ def _fitted(task: Task, name: str, source: TableSource) -> Fit:
         return fit
     if fit is None:
         fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
-    folder = replace(task.folder.below(name), record=files_of_fit.RECORD)
+    folder = replace(task.folder.below(name), record=files_of_fit.FIT_FILE)
     if task.figures is not None:
         fit.save(folder, figures=task.figures)
         return fit
@@ -177,7 +181,7 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         FolderError: no table is finished there (`no-batch`), or a fit is damaged.
         ModelError: a fit was made with a function, which is not this one (`own-model`).
     """
-    names = sorted(record.parent.name for record in folder.glob(f"*/{files_of_fit.RECORD}"))
+    names = sorted(record.parent.name for record in folder.glob(f"*/{files_of_fit.FIT_FILE}"))
     if not names:
         text = (
             f"{folder}: no finished table; expected the folder of a batch (to finish one, run "

@@ -17,7 +17,7 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.base.options import Names
+from fitball.base.options import Names, texts_of
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
@@ -92,12 +92,12 @@ def load_table(
         InputError: The table cannot be read, or has faults, all of which are listed (the code of
             the first).
         FolderError: There is no such file (`not-found`).
-        ParameterError: An option names no column (`unknown-column`, `columns`), or the source is
-            no table (`not-a-table`).
+        ParameterError: An option names no column (`unknown-column`, `columns`), `columns` is no
+            mapping (`pairs`), or the source is no table (`not-a-table`).
     """
     source, name = _located(source)
     scene = _scene(source) if scene is None else scene
-    naming = Naming({**scene.columns, **(columns or {})})
+    naming = Naming({**scene.columns, **texts_of("columns", columns)})
     flip = _names((*_names(flip), *_names(scene.measurement.get("flip", ()))))
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
     cells = read_cells(source, naming.worth, name)

@@ -107,7 +107,8 @@ def model(
 
     Raises:
         ModelError: the name is unknown (`unknown-model`), an option is unknown (`unknown-option`)
-            or named twice (`option-twice`), or the function is no model (`own-model`).
+            or named twice (`option-twice`), or the function is no model (`own-model`), as a
+            function itself instead of its name.
         ParameterError: a prior of the function is missing or cannot be read (`prior`).
 
     Example:
@@ -118,6 +119,7 @@ def model(
         ['mu', 'cor_10', 'cor_slope']
     """
     ball = Ball() if ball is None else ball
+    refuse_what_is_no_name(text)
     if ".py:" in text:
         if options:
             raise ModelError(
@@ -143,6 +145,21 @@ def model(
             raise ModelError(f"unknown {choice}={value} of model {name}: {hint}", "unknown-option")
     all_options = {**entry.options, **chosen}
     return entry.compose(name, _text(name, all_options), ball, tangential, all_options)
+
+
+def refuse_what_is_no_name(name: object) -> None:
+    """Let a text pass, for it may name a model. People pass their function itself, whatever the
+    types say.
+
+    Raises:
+        ModelError: it is no text (`own-model`).
+    """
+    if not isinstance(name, str):
+        raise ModelError(
+            f"read a model of type {type(name).__name__}; expected a name or a Model, as "
+            "fitball.model_from(function) makes it of a function",
+            "own-model",
+        )
 
 
 def model_of_data(text: str, *, ball: Ball, tangential: bool) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, ForwardRef
 
-from fitball.base.options import Names, Pairs, Watch, names_of
+from fitball.base.options import Names, Pairs, Watch, names_of, texts_of
 from fitball.inference.fitted import Fitted
 from fitball.report.page import Layout
 from fitball.results.exported import Exported
@@ -98,7 +98,7 @@ class Fit(Fitted, Result):
         else:
             reading = reading_of(self.run.table)
             table = load_table(data, scene=self.run.scene, rebound=False, **reading)
-        return Frames(predict(self, table, dict(level or {})), page.PAGE)
+        return Frames(predict(self, table, texts_of("level", level)), page.PAGE)
 
     def plan(
         self,
@@ -127,10 +127,11 @@ class Fit(Fitted, Result):
         from fitball.uses.plan import plan
         from fitball.uses.planned import measured_levels, sensors_of, settings_of, targets_of
 
-        levels = dict(level or {})
+        levels = texts_of("level", level)
         targets = targets_of(self, names_of(target), measured_levels(self, levels))
+        sensors = sensors_of(self, None if sensor is None else texts_of("sensor", sensor))
         settings = settings_of(self, {"speed": speed, "angle": angle, "spin": spin}, levels)
-        findings = plan(self, targets, settings, sensors_of(self, sensor), count)
+        findings = plan(self, targets, settings, sensors, count)
         return Frames(findings, page.PAGE)
 
     def simulate(self, *, impact: str, level: Pairs = None) -> Frames:
@@ -152,7 +153,7 @@ class Fit(Fitted, Result):
         from fitball.report import simulate as page
         from fitball.uses.simulate import simulate_fit
 
-        return Frames(simulate_fit(self, impact, dict(level or {})), page.PAGE)
+        return Frames(simulate_fit(self, impact, texts_of("level", level)), page.PAGE)
 
     def compare(
         self,
@@ -204,7 +205,7 @@ class Fit(Fitted, Result):
         """
         from fitball.exports import export
 
-        return Exported(export(self, to, level=dict(level or {}), fix={}, at=at))
+        return Exported(export(self, to, level=texts_of("level", level), fix={}, at=at))
 
     def to_datatree(self) -> DataTree:
         """Draws, densities, predictions and data as ArviZ takes them.

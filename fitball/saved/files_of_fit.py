@@ -1,4 +1,4 @@
-"""The pair, with one SHA-256 of both; nothing else is checked, nothing repaired.
+"""A fit as two files, with one SHA-256 of both; nothing else is checked, nothing repaired.
 
 `fit.json` has the fields of `Fit` as their types have them, the schema; long arrays, the
 measurements and the draws stand in `fit.nc`. A file that was changed, or is of another run, does
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeAlias, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -20,63 +20,76 @@ import numpy as np
 from fitball.base.errors import FolderError
 from fitball.base.files import json_bytes
 from fitball.base.text import one_line
+from fitball.base.values import FloatArray
 from fitball.inference.fitted import Fitted
 from fitball.models.model import Model
 from fitball.saved.arrays import packed, unpacked
 
-KIND = "fitball fit"
-VERSION = 1
-RECORD = "fit.json"
-ARRAYS = "fit.nc"
-# Numbers of an array that stands in the record itself.
-SHORT = 500
-# Fields that are not in the record: draws stand in the other file, a function of one's own nowhere.
+# What `kind` of the record says: other programs write files called fit.json too.
+FIT_KIND = "fitball fit"
+# The version of both files that is written and read: another number where an old reader would
+# misread them.
+FORMAT_VERSION = 1
+# The record, which is written last.
+FIT_FILE = "fit.json"
+ARRAYS_FILE = "fit.nc"
+# Most numbers of an array that stands in the record itself, where people can read it.
+MOST_NUMBERS_IN_RECORD = 500
+# Fields that are not in the record: draws stand in the other file, a user's function nowhere.
 _ELSEWHERE = ("posterior", "own")
+# Any array that a field holds.
+_Array: TypeAlias = np.ndarray[Any, Any]
 
 
 def files(fit: Fitted) -> Mapping[str, Callable[[], bytes]]:
-    """fit.nc, then fit.json, the record."""
-    made: dict[str, bytes] = {}
+    """What gives the contents of both files of a fit by name, `fit.json`, the record, last."""
+    contents: dict[str, bytes] = {}
 
     def both() -> dict[str, bytes]:
-        if not made:
-            arrays: dict[str, np.ndarray[Any, Any]] = {}
-            content = {
-                "kind": KIND,
-                "version": VERSION,
-                "digest": "",
-                "drawn": fit.posterior is not None,
-            }
-            content["names"] = [] if fit.posterior is None else list(fit.posterior.names)
-            for field in fields(fit):
-                if field.name not in _ELSEWHERE:
-                    content[field.name] = _plain(getattr(fit, field.name), field.name, arrays)
-            made[ARRAYS] = packed(arrays, fit.run.table, fit.posterior)
-            content["digest"] = _digest(content, made[ARRAYS])
-            made[RECORD] = json_bytes(content)
-        return made
+        if not contents:
+            contents.update(_contents(fit))
+        return contents
 
-    return {ARRAYS: lambda: both()[ARRAYS], RECORD: lambda: both()[RECORD]}
+    return {ARRAYS_FILE: lambda: both()[ARRAYS_FILE], FIT_FILE: lambda: both()[FIT_FILE]}
 
 
-def _plain(value: Any, name: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
-    """A value as JSON has it; long arrays are put into `arrays`."""
+def _contents(fit: Fitted) -> dict[str, bytes]:
+    """The contents of both files by name."""
+    long_arrays: dict[str, _Array] = {}
+    record: dict[str, object] = {
+        "kind": FIT_KIND,
+        "version": FORMAT_VERSION,
+        "digest": "",
+        "drawn": fit.posterior is not None,
+        "names": [] if fit.posterior is None else [*fit.posterior.names],
+    }
+    for field in fields(fit):
+        if field.name not in _ELSEWHERE:
+            record[field.name] = _plain(getattr(fit, field.name), field.name, long_arrays)
+    arrays = packed(long_arrays, fit.run.table, fit.posterior)
+    record["digest"] = _digest(record, arrays)
+    return {ARRAYS_FILE: arrays, FIT_FILE: json_bytes(record)}
 
-    def hook(inner: Any) -> Any:
+
+def _plain(value: object, name: str, long_arrays: dict[str, _Array]) -> object:
+    """The value of a field as JSON has it; arrays that are too long are put into `long_arrays`."""
+
+    def plain_of_other(inner: Mapping[str, object] | np.generic | _Array) -> object:
+        """What msgspec does not know, as what it knows."""
         if isinstance(inner, Mapping):
             return dict(inner)
         if isinstance(inner, np.generic):
             return inner.item()
-        if inner.size > SHORT:
-            key = f"{name}_{len(arrays)}"
-            arrays[key] = inner
+        if inner.size > MOST_NUMBERS_IN_RECORD:
+            key = f"{name}_{len(long_arrays)}"
+            long_arrays[key] = inner
             return {"in": key}
         return inner.tolist()
 
-    return _finite(msgspec.to_builtins(value, enc_hook=hook))
+    return _finite(msgspec.to_builtins(value, enc_hook=plain_of_other))
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: object) -> object:
     """What is no finite number as text: nan, inf, -inf. Null is another value, that of what there
     is not.
     """
@@ -87,92 +100,102 @@ def _finite(value: Any) -> Any:
     return [_finite(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
-def _digest(content: Mapping[str, Any], arrays: bytes) -> str:
-    whole = json.dumps({**content, "digest": ""}, sort_keys=True).encode()
-    return sha256(whole + arrays).hexdigest()
+def _digest(record: Mapping[str, object], arrays: bytes) -> str:
+    """The SHA-256 of the record without its digest and of the bytes of the arrays."""
+    text = json.dumps({**record, "digest": ""}, sort_keys=True)
+    return sha256(text.encode() + arrays).hexdigest()
 
 
-def read(place: Path, own: Model | None = None) -> Fitted:
-    """The fit in a folder, all of it. Raises FolderError (`no-fit`, `other-version`, `changed`)
-    with the remedy.
+def read(folder: Path, user_model: Model | None = None) -> Fitted:
+    """The fit in a folder, which its record may name as well. `user_model` is the user's function
+    that it was made with, if it was.
+
+    Raises:
+        FolderError: there is no fit (`no-fit`), it is of another version (`other-version`), or a
+            file was changed (`changed`).
     """
-    place = place.parent if place.name == RECORD else place
-    content = _record(place)
-    arrays = _bytes(place / ARRAYS)
-    if _digest(content, arrays) != content.get("digest"):
+    folder = folder.parent if folder.name == FIT_FILE else folder
+    record = _record(folder)
+    arrays = _content(folder / ARRAYS_FILE)
+    if _digest(record, arrays) != record.get("digest"):
         raise FolderError(
-            f"{place}: fit.json and fit.nc were changed, or are of two runs; run calibrate again",
+            f"{folder}: fit.json and fit.nc were changed, or are of two runs; run calibrate again",
             "changed",
         )
-    long, posterior = unpacked(arrays, tuple(content["names"]))
-
-    def array(kind: Any, value: Any) -> Any:
-        dtype = get_args(get_args(kind)[1])[0]
-        found = long[value["in"]] if isinstance(value, dict) else np.array(value, dtype)
-        found.setflags(write=False)
-        return found
-
+    long_arrays, posterior = unpacked(arrays, tuple(record["names"]))
     hints = get_type_hints(Fitted)
-    kept = {
-        field.name: hints[field.name] for field in fields(Fitted) if field.name not in _ELSEWHERE
-    }
+    names = [field.name for field in fields(Fitted) if field.name not in _ELSEWHERE]
     # Not strict: numbers may be texts.
     try:
-        made = {
-            name: msgspec.convert(content[name], hint, strict=False, dec_hook=array)
-            for name, hint in kept.items()
+        values = {
+            name: msgspec.convert(
+                record[name],
+                hints[name],
+                strict=False,
+                dec_hook=_array_reader(long_arrays),
+            )
+            for name in names
         }
     except (KeyError, msgspec.ValidationError) as error:
-        words = f"not a fit as this version writes it ({one_line(str(error))}); run calibrate again"
-        raise FolderError(f"{place / RECORD}: {words}", "no-fit") from None
-    return Fitted(**made, posterior=posterior, own=own)
+        reason = one_line(str(error))
+        text = f"not a fit as this version writes it ({reason}); run calibrate again"
+        raise FolderError(f"{folder / FIT_FILE}: {text}", "no-fit") from None
+    return Fitted(**values, posterior=posterior, own=user_model)
 
 
-def key_of(place: Path) -> str:
+def _array_reader(long_arrays: Mapping[str, FloatArray]) -> Callable[[type, object], _Array]:
+    """What makes an array of the numbers in a record, or finds it among the long ones; it cannot be
+    written to.
+    """
+
+    def array_of(kind: type, value: object) -> _Array:
+        # NDArray[float64] is ndarray[shape, dtype[float64]].
+        number = get_args(get_args(kind)[1])[0]
+        array = long_arrays[value["in"]] if isinstance(value, dict) else np.array(value, number)
+        array.setflags(write=False)
+        return array
+
+    return array_of
+
+
+def key_of(folder: Path) -> str:
     """`Run.key` of the fit in a folder, all that a batch reads of what is finished; "" if there is
-    none or it is damaged, and no key, `other-version`, of what is to be kept.
+    none or it is damaged, and no key, `other-version`, of one that is not to be replaced.
     """
     try:
-        return str(_record(place)["run"]["key"])
+        return str(_record(folder)["run"]["key"])
     except FolderError as error:
         return error.code if error.code == "other-version" else ""
 
 
-def _record(place: Path) -> dict[str, Any]:
+def _record(folder: Path) -> dict[str, Any]:
     """The content of `fit.json`. Raises FolderError (`no-fit`, `other-version`)."""
+    file = folder / FIT_FILE
     try:
-        content = json.loads(_bytes(place / RECORD))
+        record = json.loads(_content(file))
     except (ValueError, RecursionError):
-        raise FolderError(
-            f"{place / RECORD}: not a fit, or damaged; run calibrate again",
-            "no-fit",
-        ) from None
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        raise FolderError(f"{place / RECORD}: not a fit of fitball; run calibrate", "no-fit")
-    if content.get("version") != VERSION:
+        raise FolderError(f"{file}: not a fit, or damaged; run calibrate again", "no-fit") from None
+    if not isinstance(record, dict) or record.get("kind") != FIT_KIND:
+        raise FolderError(f"{file}: not a fit of fitball; run calibrate", "no-fit")
+    if record.get("version") != FORMAT_VERSION:
         # The second edition called it otherwise.
-        made = (
-            f"version {content['version']}"
-            if "version" in content
-            else "a fit of the second edition or older"
-        )
-        text = (
-            f"{place / RECORD}: {made}, which is not read, expected version {VERSION}; run "
-            "calibrate on its table"
-        )
-        raise FolderError(text, "other-version")
-    return content
+        version = "a fit of the second edition or older"
+        if "version" in record:
+            version = f"version {record['version']}"
+        text = f"{version}, which is not read, expected version {FORMAT_VERSION}"
+        raise FolderError(f"{file}: {text}; run calibrate on its table", "other-version")
+    return record
 
 
-def _bytes(place: Path) -> bytes:
-    """A file whole. Raises FolderError (`no-fit`)."""
+def _content(file: Path) -> bytes:
+    """The bytes of a file. Raises FolderError (`no-fit`)."""
     try:
-        return place.read_bytes()
+        return file.read_bytes()
     except OSError as error:
-        within = place.parent.glob(f"*/{RECORD}") if isinstance(error, FileNotFoundError) else ()
-        inside = next(iter(sorted(within)), None)
-        near = f": did you mean {inside.parent}?" if inside else ""
+        below = file.parent.glob(f"*/{FIT_FILE}") if isinstance(error, FileNotFoundError) else ()
+        first = next(iter(sorted(below)), None)
+        hint = f": did you mean {first.parent}?" if first else ""
         raise FolderError(
-            f"{place}: {error.strerror}; expected the folder of a fit{near}",
+            f"{file}: {error.strerror}; expected the folder of a fit{hint}",
             "no-fit",
         ) from None

@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -16,34 +15,44 @@ from fitball.base.numbers import percent
 from fitball.base.progress import Progress
 from fitball.base.text import listed
 from fitball.inference.calibrate import calibrate
+from fitball.inference.effort import StatedEffort
 from fitball.inference.fitted import Fitted
-from fitball.inference.problem.build import build_problem, choices_of
+from fitball.inference.problem.build import ChoiceOptions, build_problem, choices_of
 from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.saved import files_of_fit
+from fitball.saved.files_of_fit import FIT_FILE
 
 
-def is_fit(source: Any) -> bool:
-    """Whether a source is a fit, the folder of one, or the record there."""
+def stored_fit(source: object) -> Fitted | Path | None:
+    """A fit, its folder, or the record there, where a source of data is one of them; else None."""
+    if isinstance(source, Fitted):
+        return source
+    if not isinstance(source, str | Path):
+        return None
     # Unlike that of Path, this answers for a name too long for the system.
-    named = isinstance(source, str | Path)
-    inside = named and os.path.exists(os.path.join(source, files_of_fit.RECORD))  # noqa: PTH110, PTH118
-    return (
-        isinstance(source, Fitted) or inside or (named and Path(source).name == files_of_fit.RECORD)
-    )
+    has_record = os.path.exists(os.path.join(source, FIT_FILE))  # noqa: PTH110, PTH118
+    path = Path(source)
+    return path if has_record or path.name == FIT_FILE else None
 
 
 def run_again(
-    source: Any,
-    reading: Mapping[str, Any],
-    chosen: Mapping[str, Any],
-    effort: Mapping[str, Any],
+    stored: Fitted | Path,
+    reading: Mapping[str, object],
+    options: ChoiceOptions,
+    effort: StatedEffort,
     progress: Progress,
 ) -> Fitted:
-    """The fit to the stored table, with what is given of choices and effort, and a note by how much
-    values moved. Raises ParameterError (`stored-table` for options of reading), FolderError,
-    ModelError, FitError.
+    """The fit to the table of a stored fit, with what is stated of choices and effort, and a note
+    by how much values moved. No option of `reading` may be stated.
+
+    Raises:
+        ParameterError: an option of reading is stated (`stored-table`), or one of the choices is
+            wrong.
+        FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
+        ModelError: the model cannot be used (`own-model`, ...).
+        FitError: the table cannot be fitted so (`nothing-to-fit`, ...).
     """
     if names := [name for name, value in reading.items() if value]:
         text = (
@@ -51,52 +60,56 @@ def run_again(
             "otherwise, fit the table again"
         )
         raise ParameterError(text, "stored-table")
-    changed, own = choices_of(**chosen)
-    stored = source if isinstance(source, Fitted) else files_of_fit.read(Path(source), own)
-    own = own or stored.own
+    changed, user_model = choices_of(**options)
+    if isinstance(stored, Path):
+        stored = files_of_fit.read(stored, user_model)
+    user_model = user_model or stored.own
     if changed.model == stored.run.choices.model:
         changed = msgspec.structs.replace(changed, model="")
-    problem = stored.problem if changed == Choices() else _varied(stored, changed, own)
-    fit = calibrate(problem, msgspec.structs.replace(stored.run.effort, **effort), progress, own)
+    problem = stored.problem
+    if changed != Choices():
+        problem = _varied(stored, changed, user_model)
+    new_effort = msgspec.structs.replace(stored.run.effort, **effort)
+    fit = calibrate(problem, new_effort, progress, user_model)
     return replace(fit, notes=(*fit.notes, _moved(fit, stored)))
 
 
-def _varied(stored: Fitted, changed: Choices, own: Model | None) -> Problem:
-    """What is changed has the defaults of this version, all else the priors and values of the
-    stored fit.
+def _varied(stored: Fitted, changed: Choices, user_model: Model | None) -> Problem:
+    """The problem of a stored fit with changed choices. What is changed has the defaults of this
+    version, all else the priors and values of the stored fit.
     """
     run = stored.run
-    was = stored.run.choices
+    choices = run.choices
     if changed.model:
-        model = own or model_of(changed.model)
-        was = was.for_model(changed.model, [spec.name for spec in model.parameters])
+        model = user_model or model_of(changed.model)
+        choices = choices.for_model(changed.model, [spec.name for spec in model.parameters])
     elif run.model_source:
-        own = stored.problem.forward.model
-    new = {*changed.fix, *changed.prior}
+        user_model = stored.problem.forward.model
+    new_names = {*changed.fix, *changed.prior}
+    fix = {name: value for name, value in choices.fix.items() if name not in new_names}
+    prior = {name: text for name, text in choices.prior.items() if name not in new_names}
     choices = Choices(
-        was.model,
-        {name: value for name, value in was.fix.items() if name not in new} | changed.fix,
-        {name: text for name, text in was.prior.items() if name not in new} | changed.prior,
-        was.pool | changed.pool,
-        changed.noise or was.noise,
+        choices.model,
+        fix | changed.fix,
+        prior | changed.prior,
+        choices.pool | changed.pool,
+        changed.noise or choices.noise,
     )
-    known = {name: text for name, text in run.known.items() if name not in new}
-    return build_problem(run.table, run.scene, choices, own, known)
+    prior_texts = {name: text for name, text in run.known.items() if name not in new_names}
+    return build_problem(run.table, run.scene, choices, user_model, prior_texts)
 
 
 def _moved(fit: Fitted, stored: Fitted) -> Note:
-    """By how much values moved since the stored fit."""
+    """A note by how much values moved since the stored fit."""
     moved = fit.moved_from(stored)
     if not any(moved.values()):
         return Note(
             "run-again",
             "Run again: all values are those of the stored fit to the last digit.",
         )
-    name = max(moved, key=lambda one: moved[one])
+    name = max(moved, key=moved.__getitem__)
     sampled = stored.posterior is not None and fit.posterior is not None
-    by = (
-        f"{PLAIN.number(moved[name], 2)} of its sds"
-        if sampled
-        else f"{percent(moved[name])} of its value"
-    )
-    return Note("run-again", f"Run again: of {len(moved)} values {name} moved most, by {by}.")
+    distance = f"{percent(moved[name])} of its value"
+    if sampled:
+        distance = f"{PLAIN.number(moved[name], 2)} of its sds"
+    return Note("run-again", f"Run again: of {len(moved)} values {name} moved most, by {distance}.")

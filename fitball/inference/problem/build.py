@@ -6,12 +6,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias, Unpack
+from typing import TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import FitError, Note, ParameterError, suggestion
+from fitball.base.options import pairs_of, texts_of
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
@@ -41,7 +42,7 @@ from fitball.inference.problem.problem import (
 )
 from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
-from fitball.models.registry import candidates, model_of_data
+from fitball.models.registry import candidates, model_of_data, refuse_what_is_no_name
 from fitball.models.registry import model as model_of
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
@@ -63,6 +64,18 @@ HELD_STIFFNESS = 2.0e4
 LAB_SPREADS = ("cor_10_spread", "rating_spread")
 
 Specs: TypeAlias = Mapping[str, ParameterSpec]
+
+
+class ChoiceOptions(TypedDict, total=False):
+    """Options of `calibrate` that make the `Choices` of a fit."""
+
+    model: Model | str
+    fix: Mapping[str, float] | None
+    prior: Mapping[str, str] | None
+    pool: Mapping[str, str] | None
+    noise: str
+
+
 # By parameter the text of its prior, or the value at which it is fixed and why.
 ParameterSettings: TypeAlias = dict[str, str | tuple[float, str]]
 
@@ -105,19 +118,25 @@ def choices_of(
     """The choices that options of `calibrate` make, and the model if the user wrote that.
 
     Raises:
-        ModelError: the user's model cannot be used.
+        ParameterError: the value of an option is no mapping (`pairs`).
+        ModelError: the user's model cannot be used, or it is no model (`own-model`).
     """
     user_model: Model | None = None
     # A function of the user is no text from which a fit can be made again.
     if isinstance(model, Model):
         user_model = model
-    elif ".py:" in model:
-        user_model = model_of(model)
+        text = model.text
+    else:
+        refuse_what_is_no_name(model)
+        text = model
+        if ".py:" in text:
+            user_model = model_of(text)
+            text = user_model.text
     choices = Choices(
-        model=user_model.text if user_model else str(model),
-        fix=dict(fix or {}),
-        prior=dict(prior or {}),
-        pool=dict(pool or {}),
+        model=text,
+        fix=pairs_of("fix", fix),
+        prior=texts_of("prior", prior),
+        pool=texts_of("pool", pool),
         noise=noise,
     )
     return choices, user_model
