@@ -18,66 +18,66 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 POSIX = pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")
 
 
-def square(item):
-    if item == 3:
+def square(case):
+    if case == 3:
         raise FitError("three cannot be fitted", "three")
-    if item == 6:
+    if case == 6:
         raise MemoryError("2.9 GiB")
-    return os.getpid(), item**2
+    return os.getpid(), case**2
 
 
-def dying(folder, item):
+def dying(folder, case):
     """The third dies each time, the fifth once."""
-    mark = folder / str(item)
-    if item == 3 or (item == 5 and not mark.exists()):
+    mark = folder / str(case)
+    if case == 3 or (case == 5 and not mark.exists()):
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return item
+    return case
 
 
 @pytest.mark.parametrize("cores", [1, 2])
-def test_every_item_comes_back_with_its_place_and_faults_are_results(cores):
-    made = dict(as_completed(square, range(8), cores))
-    assert sorted(made) == list(range(8))
-    assert [made.pop(k).code for k in (3, 6)] == ["three", "memory"]
-    assert {place: value for place, (_, value) in made.items()} == {
+def test_every_case_is_answered_with_its_number_and_faults_are_answers(cores):
+    answers = dict(as_completed(square, range(8), cores))
+    assert sorted(answers) == list(range(8))
+    assert [answers.pop(k).code for k in (3, 6)] == ["three", "memory"]
+    assert {number: value for number, (_, value) in answers.items()} == {
         k: k**2 for k in (0, 1, 2, 4, 5, 7)
     }
-    here = {pid == os.getpid() for pid, _ in made.values()}
+    here = {pid == os.getpid() for pid, _ in answers.values()}
     assert here == {cores == 1}
 
 
 @POSIX
-def test_a_worker_that_dies_takes_no_other_item_with_it(tmp_path):
-    made = dict(as_completed(partial(dying, tmp_path), range(9), 2))
-    error = made.pop(3)
+def test_a_worker_that_dies_takes_no_other_case_with_it(tmp_path):
+    answers = dict(as_completed(partial(dying, tmp_path), range(9), 2))
+    error = answers.pop(3)
     assert isinstance(error, MachineError)
     assert error.code == "worker-died"
     assert "SIGKILL(-9)" in str(error)
     # What died once was tried again.
-    assert made == {k: k for k in (0, 1, 2, 4, 5, 6, 7, 8)}
+    assert answers == {k: k for k in (0, 1, 2, 4, 5, 6, 7, 8)}
 
 
-def test_functions_of_ones_own_travel_and_their_exceptions_are_raised():
+def test_functions_of_a_user_travel_and_their_exceptions_are_raised():
     offset = 10
-    assert dict(as_completed(lambda item: item + offset, [1, 2], 2)) == {0: 11, 1: 12}
+    assert dict(as_completed(lambda case: case + offset, [1, 2], 2)) == {0: 11, 1: 12}
     for cores in (1, 2):
         with pytest.raises(ZeroDivisionError):
-            list(as_completed(lambda item: 1 / item, [1, 0], cores))
+            list(as_completed(lambda case: 1 / case, [1, 0], cores))
 
 
 def test_what_is_ready_comes_first_and_who_stops_asking_ends_the_rest(tmp_path):
-    def slow(item):
-        (tmp_path / str(item)).write_text(str(os.getpid()))
+    def slow(case):
+        (tmp_path / str(case)).write_text(str(os.getpid()))
         # The first waits for the second, so that only the order of readiness can be right.
-        while item == 0 and not (tmp_path / "1").exists():
+        while case == 0 and not (tmp_path / "1").exists():
             time.sleep(0.01)
-        time.sleep(600.0 * (item == 0))
-        return item
+        time.sleep(600.0 * (case == 0))
+        return case
 
-    found = as_completed(slow, [0, 1], 2)
-    assert next(found) == (1, 1)
-    found.close()
+    answers = as_completed(slow, [0, 1], 2)
+    assert next(answers) == (1, 1)
+    answers.close()
     if os.name == "posix":
         with pytest.raises(ProcessLookupError):
             os.kill(int((tmp_path / "0").read_text()), 0)
@@ -91,16 +91,16 @@ list(fitball.base.scheduling.as_completed(wait, [1, 2], 2))"""
 
 
 @POSIX
-def test_workers_end_with_the_process_that_asked():
-    made = subprocess.Popen(
+def test_workers_end_with_the_process_that_began_them():
+    program = subprocess.Popen(
         [sys.executable, "-c", WAITING],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
-    assert sorted(made.stdout.readline() for _ in range(2)) == [b"1\n", b"2\n"]
-    made.kill()
+    assert sorted(program.stdout.readline() for _ in range(2)) == [b"1\n", b"2\n"]
+    program.kill()
     # Workers write to the same pipe: it ends with the last of them.
-    made.communicate(timeout=120)
+    program.communicate(timeout=120)
 
 
 # A program of its own: a thread of a cluster that dies here, by a warning taken for an error, would
@@ -112,18 +112,20 @@ from fitball.base import scheduling
 from fitball.base.errors import FitError, ParameterError
 from fitball.base.scheduling import as_completed
 
-def square(item):
-    if item == 3:
+def square(case):
+    if case == 3:
         raise FitError("three cannot be fitted", "three")
-    return os.getpid(), item**2
+    return os.getpid(), case**2
 
 if __name__ == "__main__":
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         os.chdir(sys.argv[1])
-        made = dict(as_completed(square, range(5), address=address))
-        assert made.pop(3).code == "three" and [made[k][1] for k in (0, 1, 2, 4)] == [0, 1, 4, 16]
-        assert {made[k][0] for k in made} == {worker.pid for worker in cluster.workers.values()}
+        answers = dict(as_completed(square, range(5), address=address))
+        assert answers.pop(3).code == "three"
+        assert {k: value for k, (_, value) in answers.items()} == {0: 0, 1: 1, 2: 4, 4: 16}
+        workers = {worker.pid for worker in cluster.workers.values()}
+        assert {process for process, _ in answers.values()} == workers
         exist = as_completed(os.path.exists, ["here", "there"], address=address)
         assert dict(exist) == {0: True, 1: False}
     scheduling._PATIENCE = 0.5

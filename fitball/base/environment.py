@@ -75,20 +75,20 @@ def cache_folder() -> Path:
     written.
     """
     set_by = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA")
-    place = Path(next(filter(None, map(os.environ.get, set_by)), "~/.cache")) / "fitball"
+    folder = Path(next(filter(None, map(os.environ.get, set_by)), "~/.cache")) / "fitball"
     try:
-        place = place.expanduser()
-        place.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=place).close()
+        folder = folder.expanduser()
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
     except (OSError, RuntimeError):
         log.warning(
             "%s cannot be written, so the models are compiled in every run: set NUMBA_CACHE_DIR "
             "to a folder that can",
-            place,
+            folder,
         )
-        place = Path(tempfile.mkdtemp(prefix="fitball-"))
-        atexit.register(shutil.rmtree, place, ignore_errors=True)
-    return place
+        folder = Path(tempfile.mkdtemp(prefix="fitball-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 @contextmanager

@@ -4,11 +4,12 @@ One class for each kind of remedy; each error, fault and note has a stable `code
 programs look at codes and places, never at sentences.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
 
 from fitball.base.text import listed, one_line, visible
 
@@ -38,7 +39,7 @@ class FitballError(Exception):
         super().__init__(visible(message))
         self.code = code
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[FitballError], tuple[object, ...]]:
         # It may come from another process.
         return type(self), (str(self), self.code)
 
@@ -99,7 +100,7 @@ class InputError(FitballError):
             message += "\n  - ".join([head, *(one_line(hint, 400) for hint in self.hints)])
         super().__init__(message, self.faults[0].code)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[type[FitballError], tuple[object, ...]]:
         return type(self), (self.source, self.faults, self.hints)
 
 
@@ -128,8 +129,8 @@ def _line(members: Sequence[Fault]) -> str:
     if first.column is not None:
         kind = "key" if first.code == "scene" else "column"
         column = f"{kind} '{first.column}'"
-    place = ", ".join(filter(None, [where, column]))
-    return one_line(": ".join(filter(None, [place, first.message])), 400)
+    position = ", ".join(filter(None, [where, column]))
+    return one_line(": ".join(filter(None, [position, first.message])), 400)
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,11 @@ class Note:
 
 @contextmanager
 def enough_memory() -> Iterator[None]:
-    """Raise MachineError (`memory`) where the code inside runs out of memory."""
+    """Say in words, with the remedy, where the code inside runs out of memory.
+
+    Raises:
+        MachineError: it did (`memory`).
+    """
     try:
         yield
     except MemoryError as error:
@@ -154,9 +159,9 @@ def enough_memory() -> Iterator[None]:
         raise MachineError(text, "memory") from None
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """`did you mean 'mu'?`, or the list of what is known."""
-    choices = list(dict.fromkeys(known))
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """`did you mean 'mu'?`, or the list of all names that could be meant."""
+    choices = list(dict.fromkeys(names))
     bare = {choice.lstrip("-"): choice for choice in choices}
     near = [bare[match] for match in get_close_matches(name.lstrip("-"), bare, 1, _ALIKE)]
     if not near and name:

@@ -46,9 +46,13 @@ class ResultFolder:
     record: str = ""
 
     def write(self, name: str, content: bytes) -> Path:
-        """Write a file whole; its place. Raises FolderError (`not-written`)."""
-        place = self.path / name
-        partial = place.with_name(f".fitball-{secrets.token_hex(8)}.partial")
+        """Write a file whole or not at all, and return its path.
+
+        Raises:
+            FolderError: it cannot be written (`not-written`).
+        """
+        path = self.path / name
+        partial = path.with_name(f".fitball-{secrets.token_hex(8)}.partial")
         try:
             # Files for other programs are put into any folder, which no result ever clears.
             if self.record or (self.path / _WRITTEN).exists():
@@ -61,27 +65,33 @@ class ResultFolder:
                     file.flush()
                     # Else a machine that loses power may keep the name and lose the content.
                     os.fsync(file.fileno())
-                partial.replace(place)
+                partial.replace(path)
             finally:
                 partial.unlink(missing_ok=True)
         except OSError as error:
-            raise _refused(place, error, "not-written") from None
-        return place
+            raise _refused(path, error, "not-written") from None
+        return path
 
     def below(self, name: str) -> ResultFolder:
-        """A folder in this one, under the same lock. Raises FolderError (`no-folder`)."""
-        place = self.path / name
+        """A folder in this one, under the same lock; it is made if it is not there.
+
+        Raises:
+            FolderError: it cannot be made (`no-folder`).
+        """
+        path = self.path / name
         try:
-            place.mkdir(exist_ok=True)
-            for partial in place.glob(_PARTIAL):
+            path.mkdir(exist_ok=True)
+            for partial in path.glob(_PARTIAL):
                 partial.unlink(missing_ok=True)
         except OSError as error:
-            raise _refused(place, error, "no-folder") from None
-        return ResultFolder(place)
+            raise _refused(path, error, "no-folder") from None
+        return ResultFolder(path)
 
     def clear(self) -> None:
-        """Remove the older result, nothing without `record`; other files stay. Raises FolderError
-        (`not-written`).
+        """Remove the older result, nothing without `record`; other files stay.
+
+        Raises:
+            FolderError: a file cannot be removed (`not-written`).
         """
         if not self.record:
             return
@@ -109,14 +119,18 @@ def result_folder(
     wait: float = 0.0,
 ) -> Iterator[ResultFolder]:
     """Make and lock a folder. An older result, with `record` as the file written last, is refused
-    unless `overwrite` and stays until `clear`, so that a run that fails loses nothing. `wait` [s]
-    for another run. Raises FolderError (`folder-in-use`, `older-result`, `no-folder`).
+    unless `overwrite` and stays until `clear`, so that a run that fails loses nothing. `wait` is
+    how long another run is waited for [s].
+
+    Raises:
+        FolderError: another run holds the folder (`folder-in-use`), it has an older result
+            (`older-result`), or it cannot be made (`no-folder`).
     """
     from filelock import FileLock, Timeout
 
     lock = FileLock(path / _LOCK, timeout=wait)
     try:
-        missing = [place for place in (path, *path.parents) if not place.exists()]
+        missing = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout:
@@ -143,15 +157,15 @@ def result_folder(
         lock.release()
         # Folders that were made for nothing; those that hold something stay.
         with suppress(OSError):
-            for place in missing:
-                place.rmdir()
+            for folder in missing:
+                folder.rmdir()
 
 
-def _refused(place: Path, error: Exception, code: str) -> FolderError:
+def _refused(path: Path, error: Exception, code: str) -> FolderError:
     """Why a file or folder cannot be written, with the remedy."""
     what = "be written" if code == "not-written" else "be a result folder"
     why = getattr(error, "strerror", "") or error
-    text = f"{one_line(str(place))}: cannot {what}: {why}; change that, or name another folder"
+    text = f"{one_line(str(path))}: cannot {what}: {why}; change that, or name another folder"
     return FolderError(text, code)
 
 

@@ -47,7 +47,11 @@ class ParameterSpec:
 
 def parse_prior(spec: ParameterSpec, text: str = "") -> Prior:
     """A prior as its family is written (see `FAMILIES`), truncated to the bounds of `spec`; without
-    text the spec's. Raises ParameterError (`prior`), also for mass below 1e-6.
+    text the spec's.
+
+    Raises:
+        ParameterError: it cannot be read, or the bounds leave less than a millionth of it
+            (`prior`).
     """
     text = (text or spec.prior).strip()
     family, numbers = _read(spec.name, text)

@@ -1,87 +1,113 @@
 """Work over processes: the only place that knows joblib and Dask."""
 
+from __future__ import annotations
+
 import os
 import re
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from threading import Thread
 from time import sleep
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from fitball.base import environment
 from fitball.base.errors import FitballError, MachineError, ParameterError, enough_memory
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+_Input = TypeVar("_Input")
+_Output = TypeVar("_Output")
 # Processes share the cores: threads of numerical libraries would only fight over them.
-_ONE_EACH = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 # How loky says that a process ended.
 _ENDED = re.compile(r"\b[A-Z]+\(-?\d+\)")
 # How long a Dask scheduler may take to answer [s].
 _PATIENCE = 10
 
 
+class _Workers(NamedTuple):
+    """An executor, how many tasks it works on at once, and the errors by which it says that a
+    worker died.
+    """
+
+    executor: Executor
+    at_once: int
+    deaths: tuple[type[Exception], ...]
+
+
 def as_completed(
-    make: Callable[[Any], Any],
-    items: Sequence[Any],
+    work: Callable[[_Input], _Output],
+    inputs: Sequence[_Input],
     cores: int | None = None,
     address: str = "",
-) -> Iterator[tuple[int, Any]]:
-    """`make` of each item with its place, as they are done; a FitballError is returned, not raised.
-    An item whose worker dies is tried once more alone, then returned as MachineError
-    (`worker-died`). `address` is a Dask scheduler's. Functions of one's own travel by cloudpickle.
+) -> Iterator[tuple[int, _Output | FitballError]]:
+    """What `work` returns for each input, with the number of the input, as they are done; a
+    FitballError is returned, not raised.
 
-    Raises ParameterError (`scheduler`) where Dask is not installed or does not answer.
+    An input whose worker dies is tried once more alone, then its answer is a MachineError
+    (`worker-died`). `address` is a Dask scheduler's. A user's functions travel by cloudpickle.
+
+    Raises:
+        ParameterError: Dask is not installed or does not answer (`scheduler`).
     """
     # A cluster has cores of its own.
-    count = len(items) if address else min(cores or environment.cores(), len(items))
+    count = len(inputs) if address else min(cores or environment.cores(), len(inputs))
     if count < 2 and not address:
-        yield from ((place, _made(make, "", item)) for place, item in enumerate(items))
+        for number, case in enumerate(inputs):
+            yield number, _answer(work, "", case)
         return
-    task = partial(_made, make, os.getcwd() if address else "")  # noqa: PTH109 - a Path of another system may fail
-    died = yield from _round(partial(_pool, count, address), task, items, range(len(items)))
-    # Which of several items at work did it is unknown: a system short of memory kills any process.
-    for place, _ in died:
-        for _, words in (yield from _round(partial(_pool, 1, address), task, items, [place])):
+    folder = os.getcwd() if address else ""  # noqa: PTH109 - a Path of another system may fail
+    task = partial(_answer, work, folder)
+    died = yield from _answers(partial(_workers, count, address), task, inputs, range(len(inputs)))
+    # Which of several at work did it is unknown: a system short of memory kills any process.
+    for number, _ in died:
+        alone = partial(_workers, 1, address)
+        died_again = yield from _answers(alone, task, inputs, [number])
+        for _, end in died_again:
             remedy = "most likely memory is short: use fewer cores, or another machine"
-            text = f"the process that worked on it ended twice ({words}); {remedy}"
-            yield place, MachineError(text, "worker-died")
+            text = f"the process that worked on it ended twice ({end}); {remedy}"
+            yield number, MachineError(text, "worker-died")
 
 
-def _made(make: Callable[[Any], Any], folder: str, item: Any) -> Any:
-    """`make` of an item as a worker runs it: with one thread, in the `folder` of who asks if it
-    exists there.
+def _answer(work: Callable[[_Input], _Output], folder: str, case: _Input) -> _Output | FitballError:
+    """What `work` returns for an input, or the FitballError that it raises. It runs with one
+    thread, in the `folder` of the process that asks, if that exists here.
     """
     if folder and os.path.isdir(folder):  # noqa: PTH112
         os.chdir(folder)
     try:
         with environment.threads(1), enough_memory():
-            return make(item)
+            return work(case)
     except FitballError as error:
         return error
 
 
-def _round(
-    pools: Callable[[], Any],
-    task: Callable[[Any], Any],
-    items: Sequence[Any],
-    places: Sequence[int],
-) -> Generator[tuple[int, Any], None, list[tuple[int, str]]]:
-    """What is made of the items at these places; returns those whose worker died, with how."""
-    waiting = deque(places)
+def _answers(
+    workers: Callable[[], AbstractContextManager[_Workers]],
+    task: Callable[[_Input], _Output],
+    inputs: Sequence[_Input],
+    numbers: Sequence[int],
+) -> Generator[tuple[int, _Output], None, list[tuple[int, str]]]:
+    """Answers to the inputs of these numbers, each with its number; returns the numbers of those
+    whose worker died, with how it ended.
+    """
+    waiting = deque(numbers)
     died = list[tuple[int, str]]()
     while waiting:
-        with pools() as (pool, count, deaths):
-            running: dict[Future[Any], int] = {}
+        with workers() as (executor, at_once, deaths):
+            running: dict[Future[_Output], int] = {}
             broken = False
             while running or (waiting and not broken):
                 # No more at once than there are workers: one that dies takes few others with it.
-                while waiting and len(running) < count and not broken:
+                while waiting and len(running) < at_once and not broken:
                     try:
-                        future = pool.submit(task, items[waiting[0]])
+                        future = executor.submit(task, inputs[waiting[0]])
                     except deaths:
                         # A worker has died, at work or idle, and loky's others with it.
                         broken = True
@@ -90,37 +116,40 @@ def _round(
                 if not running:
                     break
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    place = running.pop(future)
+                    number = running.pop(future)
                     error = future.exception()
                     if isinstance(error, deaths):
-                        died.append((place, ", ".join(_ENDED.findall(str(error))) or "killed"))
+                        died.append((number, ", ".join(_ENDED.findall(str(error))) or "killed"))
                     else:
-                        yield place, future.result()
+                        yield number, future.result()
     return died
 
 
 @contextmanager
-def _pool(count: int, address: str) -> Iterator[tuple[Any, int, tuple[type[Exception], ...]]]:
-    """An executor, how many items it works on at once, and how it says that a worker died."""
+def _workers(count: int, address: str) -> Iterator[_Workers]:
+    """Workers inside: `count` processes, or those of the Dask scheduler at the address."""
     if address:
         with _client(address) as client:
             from distributed.scheduler import KilledWorker
 
             threads = sum(client.nthreads().values())
             at_once = 2 * max(threads, 1) if count > 1 else 1
-            yield client.get_executor(), at_once, (KilledWorker,)
+            yield _Workers(client.get_executor(), at_once, (KilledWorker,))
         return
     from joblib.externals.loky import ProcessPoolExecutor
 
     # Without time limit: loky does not always notice the death of a worker that it started late.
-    pool = ProcessPoolExecutor(count, timeout=None, env=_ONE_EACH, initializer=_begin)
+    pool = ProcessPoolExecutor(count, timeout=None, env=_ONE_THREAD, initializer=_begin)
     try:
-        yield pool, count, (BrokenProcessPool,)
+        yield _Workers(pool, count, (BrokenProcessPool,))
     finally:
         pool.shutdown(kill_workers=True)
 
 
-def _client(address: str) -> Any:
+def _client(address: str) -> Client:
+    """A client of the Dask scheduler at an address, or in the file that it wrote. Raises
+    ParameterError (`scheduler`).
+    """
     try:
         from distributed import Client
     except ImportError:
@@ -130,10 +159,10 @@ def _client(address: str) -> Any:
     try:
         return Client(timeout=_PATIENCE, set_as_default=False, **{option: address})  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
-        wanted = (
+        expected = (
             "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"
         )
-        text = f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); {wanted}"
+        text = f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); {expected}"
         raise ParameterError(text, "scheduler") from None
 
 

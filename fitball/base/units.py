@@ -44,6 +44,7 @@ _MEASURES = {
 
 
 def _by_word(words_of: Mapping[str, str]) -> dict[str, str]:
+    """The symbol of each word, from the words of each symbol, separated by blanks."""
     return {word: symbol for symbol, words in words_of.items() for word in words.split()}
 
 
@@ -94,7 +95,8 @@ _AMBIGUOUS = {
     "gon": "deg (a gon is 0.9 deg)",
     "kn": "kn for knots",
 }
-_LONGEST = 40
+# Letters of a unit in a message: any unit is shorter, a cell of a file may be of any length.
+_LONGEST_UNIT = 40
 
 
 def _plain(text: str) -> str:
@@ -116,8 +118,8 @@ def symbol_of(text: str) -> str | None:
     if text in _SI:
         return text
     spelling = _plain(text)
-    found = _WHOLE.get(spelling) or _WORDS.get(spelling)
-    if found is None:
+    symbol = _WHOLE.get(spelling) or _WORDS.get(spelling)
+    if symbol is None:
         quotient = re.fullmatch(r"([^/ ]+)/([^/ ]+)", spelling) or re.fullmatch(
             r"(\S+) (\S+)\^-1",
             spelling,
@@ -125,8 +127,8 @@ def symbol_of(text: str) -> str | None:
         if quotient is None:
             return None
         above, below = (_WORDS.get(word, "?") for word in quotient.groups())
-        found = _WHOLE.get(f"{above}/{below}", f"{above}/{below}")
-    return found if found in _SI else None
+        symbol = _WHOLE.get(f"{above}/{below}", f"{above}/{below}")
+    return symbol if symbol in _SI else None
 
 
 def assumed_symbol(si: str) -> str:
@@ -144,23 +146,26 @@ def symbol_within(unit: str, si: str) -> str | None:
 
 def factor_of(unit: str | None, si: str) -> float:
     """The factor to `si` (m/s, rad/s, rad, s, m, empty: a ratio), rounded once from the exact
-    fraction; without a unit (None) angles are in degrees and all else is in SI. Raises
-    ParameterError (`unknown-unit`, `ambiguous-unit`, `other-quantity`).
+    fraction; without a unit (None) angles are in degrees and all else is in SI.
+
+    Raises:
+        ParameterError: the unit is unknown (`unknown-unit`), may be two (`ambiguous-unit`), or
+            measures another quantity (`other-quantity`).
     """
     units = _UNITS[si]
     symbol = assumed_symbol(si) if unit is None else symbol_within(unit, si)
     if symbol is not None and symbol in units:
         above, below = units[symbol]
         return above / below
-    spelled = one_line(unit or "", _LONGEST)
+    spelled = one_line(unit or "", _LONGEST_UNIT)
     read = f"read unit '[{spelled}]'"
-    known = f"units of {_MEASURES[si]}: {', '.join(filter(None, units))}"
+    choices = f"units of {_MEASURES[si]}: {', '.join(filter(None, units))}"
     if symbol is not None:
-        words = f"{read}, which measures {_MEASURES[_SI[symbol]]}; expected one of the {known}"
+        words = f"{read}, which measures {_MEASURES[_SI[symbol]]}; expected one of the {choices}"
         raise ParameterError(words, "other-quantity")
     meant = _AMBIGUOUS.get(_plain(spelled))
     if meant:
         raise ParameterError(f"{read}, which is ambiguous: write {meant}", "ambiguous-unit")
     near = suggestion(spelled.lower(), units)
     hint = f" {near}" if near.startswith("did") else ""
-    raise ParameterError(f"{read}, which is unknown;{hint} {known}", "unknown-unit")
+    raise ParameterError(f"{read}, which is unknown;{hint} {choices}", "unknown-unit")
