@@ -37,7 +37,8 @@ def predict(
 
     Raises:
         ParameterError: neither a table nor impacts in words, or both (`no-impacts`); words that
-            cannot be read (`impact`); an unknown level (`unknown-label`).
+            cannot be read (`impact`); a level that is unknown, missing or named twice
+            (`unknown-level`, `unknown-label`, `label-missing`, `level-twice`, `pairs`).
         InputError: the table has faults (the code is that of the first).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
         ModelError: another function than the one of the fit (`own-model`).
@@ -90,8 +91,14 @@ def plan(
         model (FILE.py:NAME): the function of your own that the fit was made with
 
     Raises:
-        ParameterError: a target, range, level, sensor or count is unknown or impossible.
-        FolderError, ModelError: as `predict`.
+        ParameterError: a target is unknown or fixed (`unknown-quantity`, `fixed`, `nothing-free`).
+            A range or number cannot be read (`impact`), or is of what was not measured
+            (`not-measured`). A level is none of the fit (`unknown-level`, `unknown-label`,
+            `no-such-levels`, `pairs`), or a sensor none of the model (`sensor`). The number of
+            impacts or settings is impossible (`count`, `too-many-settings`). The fit has no
+            posterior (`point-fit`), or the model no answer (`no-answer`).
+        FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
+        ModelError: another function than the one of the fit (`own-model`).
 
     Example:
         >>> import fitball
@@ -134,7 +141,8 @@ def plot(
     Raises:
         ParameterError: no such format (`format`) or figure (`unknown-figure`), or the fit has no
             data for it (`no-such-data`).
-        FolderError, ModelError: as `predict`.
+        FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
+        ModelError: another function than the one of the fit (`own-model`).
 
     Example:
         >>> import fitball
@@ -172,10 +180,14 @@ def simulate(
             value
 
     Raises:
-        ParameterError: values for a fit, or levels without one (`fit-and-values`); an impact that
-            cannot be read (`impact`); an unknown level (`unknown-label`).
+        ParameterError: values for a fit, or levels without one (`fit-and-values`). The impact
+            cannot be read (`impact`), or has what was not measured (`not-measured`). A level is
+            unknown or missing (`unknown-level`, `unknown-label`, `label-missing`, `pairs`). A value
+            is of an unknown parameter, no number or out of bounds (`unknown-parameter`,
+            `unknown-key`, `not-a-number`, `out-of-bounds`). The model has no answer (`no-answer`).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
-        ModelError: the model is unknown, has no time axis, or has no answer to this impact.
+        ModelError: the model is unknown (`unknown-model`, `unknown-option`), or has no time axis
+            (`no-history`).
 
     Example:
         >>> import fitball
@@ -235,9 +247,13 @@ def export(
             omega_1=0"
 
     Raises:
-        ParameterError: neither a fit nor a model (`fit-or-model`), or a format, level, value or
-            impact that is unknown or impossible.
-        ModelError: the model has no source code to export (`no-port`), or is unknown.
+        ParameterError: neither a fit nor a model (`fit-or-model`). The format is unknown
+            (`unknown-format`), or does not take an option (`not-for-this-format`). A label,
+            parameter or key is unknown (`unknown-label`, `unknown-parameter`, `unknown-key`). A
+            value is no number or out of bounds (`not-a-number`, `out-of-bounds`), or has no answer
+            (`no-answer`). The impact cannot be read (`impact`). An option is no mapping (`pairs`).
+        ModelError: the model has no source code to export (`no-port`), is a function (`own-model`),
+            or is unknown (`unknown-model`, `unknown-option`).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
         FitError: a point fit has no draws to export (`no-draws`).
 

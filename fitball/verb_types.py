@@ -19,17 +19,21 @@ if TYPE_CHECKING:
     from fitball.results.result import Frames as Frames
 else:
 
-    def _later(module: str, name: str) -> ForwardRef:
-        """A name of a module that is imported when the reference is resolved."""
-        return ForwardRef(f"__import__('importlib').import_module('{module}').{name}")
+    def _public(name: str) -> ForwardRef:
+        """A public name, which loads what it names when the reference is resolved."""
+        return ForwardRef(f"__import__('fitball').{name}")
 
-    Batch = _later("fitball.batches.batch", "Batch")
-    Sources = _later("fitball.data.read", "Sources")
-    TableSource = _later("fitball.data.read", "TableSource")
-    Scene = _later("fitball.data.scene", "Scene")
-    Model = _later("fitball.models.model", "Model")
-    Drawn = _later("fitball.results.drawn", "Drawn")
-    Exported = _later("fitball.results.exported", "Exported")
-    Film = _later("fitball.results.film", "Film")
-    Fit = _later("fitball.results.fit", "Fit")
-    Frames = _later("fitball.results.result", "Frames")
+    def _of_data(name: str) -> ForwardRef:
+        """A name of `fitball.data.read`, which is imported when the reference is resolved."""
+        return ForwardRef(f"__import__('fitball.data.read').data.read.{name}")
+
+    Batch = _public("Batch")
+    Drawn = _public("Drawn")
+    Exported = _public("Exported")
+    Film = _public("Film")
+    Fit = _public("Fit")
+    Frames = _public("Frames")
+    Model = _public("Model")
+    Scene = _public("Scene")
+    Sources = _of_data("Sources")
+    TableSource = _of_data("TableSource")

@@ -57,7 +57,7 @@ def test_fitball_has_sixteen_digits(name):
     scene = SCENES[name]
     solvers = solvers_of(name)
     bound = 1e-15 + 2.0 * scene.rows["rounding"].to_numpy(float)
-    for rival in (bench.ONE, bench.OURS):
+    for rival in (bench.OURS_SINGLY, bench.OURS):
         if (rival, "") in solvers:
             solve = solvers[rival, ""]
             assert (scene.errors(solve()) <= bound).all()
@@ -125,7 +125,7 @@ def test_page_and_figure(monkeypatch, tmp_path):
     for name, value in {
         "ROUNDS": 1,
         "TURN": 0.0,
-        "TOLERANCES": (1e-3,),
+        "RELATIVE_TOLERANCES": (1e-3,),
         "STEPS": {4: (100,), 8: (40,)},
     }.items():
         monkeypatch.setattr(bench, name, value)

@@ -50,7 +50,7 @@ def test_types_of_balls_are_those_of_the_rules():
         in_cm[name] = (round(100.0 * low, 6), round(100.0 * high, 6))
     assert in_cm == printed
     # 56.0 to 59.4 g, 6.54 to 6.86 cm.
-    assert itf.TOLERANCES == {
+    assert itf.BALL_TOLERANCES == {
         "ball_mass": (0.056, 0.0594),
         "ball_radius": (0.0654 / 2, 0.0686 / 2),
     }

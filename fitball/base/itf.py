@@ -30,7 +30,7 @@ BALL_TYPES: Mapping[str, tuple[float, float]] = {
 }
 # Constants of a ball of types 1 and 2 [SI] that the rules allow (Appendix I: 56.0 to 59.4 g,
 # diameter 6.54 to 6.86 cm).
-TOLERANCES: Mapping[str, tuple[float, float]] = {
+BALL_TOLERANCES: Mapping[str, tuple[float, float]] = {
     "ball_mass": (0.0560, 0.0594),
     "ball_radius": (0.0327, 0.0343),
 }
@@ -63,7 +63,7 @@ def is_tennis_radius(radius: float) -> bool:
 
 def is_tennis_ball(ball: Ball) -> bool:
     """Whether mass and radius are within the rules, so that what is known of tennis balls holds."""
-    limits = zip((ball.mass, ball.radius), TOLERANCES.values(), strict=True)
+    limits = zip((ball.mass, ball.radius), BALL_TOLERANCES.values(), strict=True)
     return all(low <= one <= high for one, (low, high) in limits)
 
 

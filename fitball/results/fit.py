@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, ClassVar, ForwardRef
+from typing import TYPE_CHECKING, ClassVar, ForwardRef
 
 from fitball.base.options import Names, Pairs, Watch, names_of, texts_of
+from fitball.data.read import TableSource
 from fitball.inference.fitted import Fitted
 from fitball.report.page import Layout
 from fitball.results.exported import Exported
@@ -67,13 +68,16 @@ class Fit(Fitted, Result):
 
         return PAGE.of(self)
 
-    def predict(self, data: Any = None, *, impact: str = "", level: Pairs = None) -> Frames:
+    def predict(
+        self, data: TableSource | None = None, *, impact: str = "", level: Pairs = None
+    ) -> Frames:
         """Predict rebounds of new impacts, of a table `data` or of an `impact` in words, and
         compare them with what was measured: `fitball.predict` says more.
 
         Raises:
             ParameterError: neither a table nor words, or both (`no-impacts`); words that cannot be
-                read (`impact`); an unknown level (`unknown-label`).
+                read (`impact`); a level that is unknown, missing or named twice (`unknown-level`,
+                `unknown-label`, `label-missing`, `level-twice`, `pairs`).
             InputError: the table has faults (the code is that of the first).
 
         Example:
@@ -93,7 +97,7 @@ class Fit(Fitted, Result):
                 f"predict takes a table or impacts in words (--impact): read {given}",
                 "no-impacts",
             )
-        if impact:
+        if data is None:
             table = table_in_words(impact, self.run.scene)
         else:
             reading = reading_of(self.run.table)
@@ -115,7 +119,13 @@ class Fit(Fitted, Result):
         `fitball.plan` says more.
 
         Raises:
-            ParameterError: a target, range, level, sensor or count is unknown or impossible.
+            ParameterError: a target is unknown or fixed (`unknown-quantity`, `fixed`,
+                `nothing-free`). A range or number cannot be read (`impact`), or is of what was not
+                measured (`not-measured`). A level is none of the fit (`unknown-level`,
+                `unknown-label`, `no-such-levels`, `pairs`), or a sensor none of the model
+                (`sensor`). The number of impacts or settings is impossible (`count`,
+                `too-many-settings`). The fit has no posterior (`point-fit`), or the model no answer
+                (`no-answer`).
 
         Example:
             >>> import fitball
@@ -139,9 +149,10 @@ class Fit(Fitted, Result):
         `fitball.simulate` says more.
 
         Raises:
-            ParameterError: the impact cannot be read (`impact`), or the level is unknown
-                (`unknown-label`).
-            ModelError: the model has no time axis, or no answer to this impact.
+            ParameterError: an impact that cannot be read, or is several (`impact`), or has what was
+                not measured (`not-measured`); a level that is unknown or missing (`unknown-level`,
+                `unknown-label`, `label-missing`, `pairs`); no answer of the model (`no-answer`).
+            ModelError: the model has no time axis (`no-history`).
 
         Example:
             >>> import fitball
@@ -168,9 +179,12 @@ class Fit(Fitted, Result):
         says more. Without `models` the fit's own is among those that can differ on this table.
 
         Raises:
-            ParameterError: an option is unknown or out of bounds.
-            ModelError: there is no such model, or it cannot be compared.
-            FitError: a model cannot be fitted to the table.
+            ParameterError: a model is named twice (`model-twice`), or the number of cores is
+                impossible (`effort`).
+            ModelError: there is no such model (`unknown-model`) or option (`unknown-option`), or
+                the fit was loaded without its function (`own-model`).
+            FitError: the table is too short (`too-few-impacts`), fewer than two models could be
+                fitted (`one-model`), or no column is predicted by all (`no-common-column`).
 
         Example:
             >>> import fitball
@@ -193,8 +207,11 @@ class Fit(Fitted, Result):
         format: `fitball.export` says more.
 
         Raises:
-            ParameterError: a format, level or impact is unknown or impossible.
-            ModelError: the model has no source code to export (`no-port`).
+            ParameterError: the format is unknown (`unknown-format`), or does not take an option
+                (`not-for-this-format`); the label is unknown (`unknown-label`, `pairs`); the impact
+                cannot be read (`impact`).
+            ModelError: the model has no source code to export (`no-port`), or is a function
+                (`own-model`).
             FitError: a point fit has no draws to export (`no-draws`).
 
         Example:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 
 from fitball.base.errors import Note
 from fitball.base.findings import Findings
@@ -15,6 +15,7 @@ from fitball.base.values import DataFrame, FloatArray, Impacts
 
 if TYPE_CHECKING:
     from fitball.models.model import Model
+    from fitball.speed.rivals import Method
 
 # Rounds in which all rivals take turns: the machine is seldom busy in all of them.
 ROUNDS = 5
@@ -25,24 +26,28 @@ DRAWS = 200
 # Numbers of equal steps, by order of the method: from the coarsest to where rounding is reached.
 STEPS = {4: (5, 10, 20, 50, 100, 200, 400, 1600), 8: (5, 10, 20, 40, 80)}
 # Relative tolerances of `solve_ivp`.
-TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+RELATIVE_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 # Name of fitball on a large batch.
 OURS = "fitball, many draws"
 # Name of fitball called once a bounce.
-ONE = "fitball, one call a bounce"
+OURS_SINGLY = "fitball, one call a bounce"
 # Name of the scene of hard cases.
 HARD = "hard cases"
 # Names of rivals with equal steps, by order.
 FIXED = {4: "RK4, compiled, events located", 8: "order 8, compiled, events located"}
 # Rivals by `solve_ivp`: method, and longest step as a share of the contact. The first is as people
 # call it, the second steps over no grip.
-ADAPTIVE = {"solve_ivp RK45": ("RK45", math.inf), "solve_ivp DOP853, short steps": ("DOP853", 0.05)}
-Solve = Callable[[], FloatArray]
+ADAPTIVE: Mapping[str, tuple["Method", float]] = {
+    "solve_ivp RK45": ("RK45", math.inf),
+    "solve_ivp DOP853, short steps": ("DOP853", 0.05),
+}
+# What gives `v_x2` [m/s] and `omega_2` [rad/s] of the impacts of a scene, (impacts, 2).
+Solve: TypeAlias = Callable[[], FloatArray]
 
 
 class Rival(NamedTuple):
     """What solves every impact of a scene `times` over: its name, its setting, and the function
-    that gives `v_x2` and `omega_2` (impacts, 2).
+    that gives the rebounds.
     """
 
     name: str
@@ -51,14 +56,14 @@ class Rival(NamedTuple):
     times: int = 1
 
 
-class Scene(NamedTuple):
-    """Impacts with their `exact` rebounds `v_x2`, `omega_2` (impacts, 2), SI; each row has the
-    parameters of its impact, which are the same in all but the hard cases.
+class TimedScene(NamedTuple):
+    """Impacts with their `exact` rebounds, `v_x2` [m/s] and `omega_2` [rad/s]. Each row has the
+    parameters of its impact, which are the same in all scenes but the hard cases.
     """
 
     rows: DataFrame
     impacts: Impacts
-    exact: FloatArray
+    exact: Annotated[FloatArray, "impacts 2"]
 
     def model(self, k: int) -> tuple["Model", dict[str, float]]:
         """The model of impact `k` and its parameters by name."""
@@ -69,9 +74,11 @@ class Scene(NamedTuple):
         chosen = model(f"two-mass+{options}" if options else "two-mass")
         return chosen, {spec.name: float(row[spec.name]) for spec in chosen.parameters}
 
-    def errors(self, rebounds: FloatArray) -> FloatArray:
-        """Errors (impacts,) of `v_x2`, `omega_2` (impacts, 2): the larger of those of the velocity
-        and of the speed of the surface, over the incident speed of the surface.
+    def errors(
+        self, rebounds: Annotated[FloatArray, "impacts 2"]
+    ) -> Annotated[FloatArray, "impacts"]:
+        """Errors of `v_x2` [m/s] and `omega_2` [rad/s]: the larger of those of the velocity and of
+        the speed of the surface, over the incident speed of the surface.
         """
         import numpy as np
 
@@ -82,9 +89,9 @@ class Scene(NamedTuple):
         return np.asarray(off.max(axis=1) / speed)
 
 
-def scenes() -> dict[str, Scene]:
-    """By name Wang's 21 impacts, three kinds of contact, and cases that are hard; their answers
-    come from arithmetic of fifty digits.
+def scenes() -> dict[str, TimedScene]:
+    """The scenes by name: Wang's 21 impacts, three kinds of contact, and cases that are hard. Their
+    answers come from arithmetic of fifty digits.
     """
     import pandas as pd
 
@@ -98,11 +105,11 @@ def scenes() -> dict[str, Scene]:
     for name, rows in table.groupby("scene", sort=False):
         states = [rows[column].to_numpy(float) for column in ("v_x1", "v_y1", "omega_1")]
         exact = rows[["v_x2", "omega_2"]].to_numpy(float)
-        by_name[str(name)] = Scene(rows, Impacts(*states), exact)
+        by_name[str(name)] = TimedScene(rows, Impacts(*states), exact)
     return by_name
 
 
-def solvers(name: str, scene: Scene) -> Iterator[Rival]:
+def solvers(name: str, scene: TimedScene) -> Iterator[Rival]:
     """All that solve the scene of this name. Of the hard cases that is fitball alone: explicit
     steps of any practical size diverge on joints of 1e8 N m/rad.
     """
@@ -118,7 +125,7 @@ def solvers(name: str, scene: Scene) -> Iterator[Rival]:
         rebounds = [model.evaluate(names, row, impact) for model, names, row, impact in calls]
         return np.array([(end.v_x2[0, 0], end.omega_2[0, 0]) for end in rebounds])
 
-    yield Rival(ONE, "", one_by_one)
+    yield Rival(OURS_SINGLY, "", one_by_one)
     if name == HARD:
         return
     model, names, row, _ = calls[0]
@@ -132,7 +139,7 @@ def solvers(name: str, scene: Scene) -> Iterator[Rival]:
     yield from _integrators(scene)
 
 
-def _integrators(scene: Scene) -> Iterator[Rival]:
+def _integrators(scene: TimedScene) -> Iterator[Rival]:
     """The rivals of fitball, at all their settings, on a scene with one set of parameters."""
     import numpy as np
 
@@ -149,7 +156,7 @@ def _integrators(scene: Scene) -> Iterator[Rival]:
             solve = partial(rivals.fixed_steps, setups, order, steps)
             yield Rival(FIXED[order], f"{steps} steps", solve)
     for name, (method, most) in ADAPTIVE.items():
-        for rtol in TOLERANCES:
+        for rtol in RELATIVE_TOLERANCES:
             solve = partial(rivals.adaptive, setups, method, rtol, most)
             yield Rival(name, f"rtol {rtol:g}", solve)
 

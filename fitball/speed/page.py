@@ -20,14 +20,14 @@ from fitball.report.style import (
     legend_above,
     new_figure,
 )
-from fitball.speed import HARD, ONE, OURS
+from fitball.speed import HARD, OURS, OURS_SINGLY
 
 # Errors at which the fastest rival is named: those of engineering up to near rounding.
 _ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 # The scene of the summary.
 _MAIN = "Wang's 21"
 # Where an error of zero is drawn: a logarithmic axis has none.
-_NONE = 1e-17
+_DRAWN_ZERO = 1e-17
 _CAPTION = "Lower left is better. Errors are relative to the incident speed of the ball's surface."
 
 
@@ -36,7 +36,7 @@ def report(result: Findings) -> Report:
     frame = result.frames["bench"]
     main = frame[frame["scene"] == _MAIN]
     hard = frame[frame["scene"] == HARD]
-    usual = frame[frame["solver"].isin([OURS, ONE]) & (frame["scene"] != HARD)]
+    usual = frame[frame["solver"].isin([OURS, OURS_SINGLY]) & (frame["scene"] != HARD)]
     largest = usual["largest_error"].max()
     fastest = _fastest(main)
     coarse = fastest.rows[0]
@@ -69,7 +69,7 @@ def _ours(rows: DataFrame) -> float:
 def _fastest(rows: DataFrame) -> Table:
     """The fastest rival and setting within each error, with its time over that of fitball."""
     ours = _ours(rows)
-    rivals = rows[~rows["solver"].isin([OURS, ONE])]
+    rivals = rows[~rows["solver"].isin([OURS, OURS_SINGLY])]
     cells = []
     for error in _ERRORS:
         good = rivals[rivals["largest_error"] <= error]
@@ -116,13 +116,15 @@ def _draw(frame: DataFrame) -> Figure:
     styles: dict[str, dict[str, Any]] = {}
     handles = []
     for k, name in enumerate(dict.fromkeys(shown["solver"])):
-        colour = MODEL_COLOUR if name in (OURS, ONE) else SERIES_COLOURS[k % len(SERIES_COLOURS)]
+        colour = SERIES_COLOURS[k % len(SERIES_COLOURS)]
+        if name in (OURS, OURS_SINGLY):
+            colour = MODEL_COLOUR
         styles[name] = {"color": colour, "marker": SERIES_MARKERS[k % len(SERIES_MARKERS)]}
         handles.append(Line2D([], [], label=name, **styles[name]))
     by_scene = shown.groupby("scene", sort=False)
     for axis, (scene, rows) in zip(axes.ravel(), by_scene, strict=False):
         for name, of_solver in rows.groupby("solver", sort=False):
-            error = np.maximum(of_solver["largest_error"], _NONE)
+            error = np.maximum(of_solver["largest_error"], _DRAWN_ZERO)
             time = of_solver["microseconds"]
             axis.loglog(error, time, linewidth=1.2, markersize=5, **styles[str(name)])
         axis.set_title(str(scene))

@@ -6,7 +6,7 @@ contact is compared.
 """
 
 import math
-from typing import Any, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
@@ -16,9 +16,11 @@ from fitball.models.kernels.compiled import entry, inlined, kernel
 from fitball.models.kernels.contact import K_Y as STIFFNESS
 from fitball.models.kernels.contact import Flags, ball_of, contact_of, landed
 
+# Methods of `solve_ivp` that are rivals.
+Method: TypeAlias = Literal["RK45", "DOP853"]
 # y, v_y, v_x, omega_1, omega_2, twist.
-State: TypeAlias = tuple[float, float, float, float, float, float]
-# Places in the numbers (SIZE,) of a contact. First constants, SI: reciprocals of masses and
+ContactState: TypeAlias = tuple[float, float, float, float, float, float]
+# Places among the numbers of a contact. First constants, SI: reciprocals of masses and
 # inertias, because products are faster than quotients.
 (
     PER_RIDING,
@@ -36,24 +38,25 @@ State: TypeAlias = tuple[float, float, float, float, float, float]
     HOLDING,
 ) = range(13)
 # Then the six numbers of the state after landing.
-STATE = 13
+STATE_BEGIN = 13
 # Then the first phase: 0 while gripping, else the direction of slip, 1 or -1.
 PHASE = 19
-# So many numbers in all.
-SIZE = 20
+# Numbers of a contact in all.
+CONTACT_NUMBERS = 20
 # Ends of phases that are located in one contact; more are not, so that a chattering one ends.
 MOST_EVENTS = 64
 # Trials of a search for the end of a phase; halving alone would reach rounding in them.
 MOST_TRIALS = 60
 # Precision of that search, as a share of the contact: about rounding.
-NEAR = 1e-15
+SEARCH_PRECISION = 1e-15
 # Typical sizes of the state (y, v_y, v_x, omega_1, omega_2, twist), SI, for absolute tolerances.
-SCALE = np.array([1e-3, 10.0, 10.0, 300.0, 300.0, 0.1])
+TYPICAL_STATE = np.array([1e-3, 10.0, 10.0, 300.0, 300.0, 0.1])
 # First step of an adaptive run with short steps, as a share of the remaining contact.
-FIRST = 1e-6
+FIRST_STEP = 1e-6
 
 
 def _nonzero(row: FloatArray) -> tuple[float, ...]:
+    """The entries of a row that are not zero."""
     return tuple(float(entry) for entry in row if entry != 0.0)
 
 
@@ -68,10 +71,10 @@ RK4_B = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
 @entry
 def set_up(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float) -> FloatArray:
-    """The numbers (SIZE,) of one contact, of a parameter set `row` of the two-mass ball at this
-    state, SI.
+    """The numbers of a contact (CONTACT_NUMBERS,), of a parameter set `row` of the two-mass ball
+    that comes with `v_x`, `v_y` [m/s] and `omega` [rad/s].
     """
-    c = np.empty(SIZE)
+    c = np.empty(CONTACT_NUMBERS)
     ball = ball_of(row, flags)[1]
     contact = contact_of(ball, flags, v_x, v_y, omega, np.nan)[1]
     v_x, spin, stuck = landed(contact)
@@ -88,12 +91,12 @@ def set_up(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float) 
     c[EPS] = contact.eps
     c[END] = contact.t_contact
     c[HOLDING] = ball.lever
-    c[STATE] = 0.0
-    c[STATE + 1] = v_y
-    c[STATE + 2] = v_x
-    c[STATE + 3] = omega
-    c[STATE + 4] = spin
-    c[STATE + 5] = 0.0
+    c[STATE_BEGIN] = 0.0
+    c[STATE_BEGIN + 1] = v_y
+    c[STATE_BEGIN + 2] = v_x
+    c[STATE_BEGIN + 3] = omega
+    c[STATE_BEGIN + 4] = spin
+    c[STATE_BEGIN + 5] = 0.0
     if stuck:
         c[PHASE] = next_phase(c, first_state(c))
     else:
@@ -102,13 +105,14 @@ def set_up(row: FloatArray, flags: Flags, v_x: float, v_y: float, omega: float) 
 
 
 @kernel
-def first_state(c: FloatArray) -> State:
-    """The state after landing, from the numbers `c` (SIZE,) of a contact."""
-    return c[STATE], c[STATE + 1], c[STATE + 2], c[STATE + 3], c[STATE + 4], c[STATE + 5]
+def first_state(c: FloatArray) -> ContactState:
+    """The state after landing, from the numbers `c` of a contact."""
+    k = STATE_BEGIN
+    return c[k], c[k + 1], c[k + 2], c[k + 3], c[k + 4], c[k + 5]
 
 
 @kernel
-def grip_friction(c: FloatArray, z: State) -> tuple[float, float]:
+def grip_friction(c: FloatArray, z: ContactState) -> tuple[float, float]:
     """Friction that a grip needs, and the normal force [N], in the state `z`."""
     y, v_y, _, omega_1, omega_2, twist = z
     force = c[K_Y] * y + c[C_Y] * v_y
@@ -117,7 +121,7 @@ def grip_friction(c: FloatArray, z: State) -> tuple[float, float]:
 
 
 @kernel
-def rates(c: FloatArray, phase: float, z: State) -> State:
+def rates(c: FloatArray, phase: float, z: ContactState) -> ContactState:
     """Time derivatives of the state `z` in a phase."""
     y, v_y, _, omega_1, omega_2, twist = z
     force = c[K_Y] * y + c[C_Y] * v_y
@@ -132,7 +136,7 @@ def rates(c: FloatArray, phase: float, z: State) -> State:
 
 
 @kernel
-def margin(c: FloatArray, phase: float, z: State) -> float:
+def margin(c: FloatArray, phase: float, z: ContactState) -> float:
     """A number that is below zero where the phase has ended: while gripping the friction in reserve
     [N], else the slip along its direction [m/s].
     """
@@ -144,7 +148,7 @@ def margin(c: FloatArray, phase: float, z: State) -> float:
 
 
 @kernel
-def next_phase(c: FloatArray, z: State) -> float:
+def next_phase(c: FloatArray, z: ContactState) -> float:
     """The phase that follows zero slip, grip (0) or slip in a direction, by the friction cone."""
     needed, force = grip_friction(c, z)
     if abs(needed) <= c[MU] * force:
@@ -153,7 +157,7 @@ def next_phase(c: FloatArray, z: State) -> float:
 
 
 @kernel
-def after_event(c: FloatArray, phase: float, z: State) -> tuple[float, State]:
+def after_event(c: FloatArray, phase: float, z: ContactState) -> tuple[float, ContactState]:
     """The phase after one that ended in the state `z`, and that state without its residual slip."""
     if phase == 0.0:
         needed, _ = grip_friction(c, z)
@@ -164,7 +168,7 @@ def after_event(c: FloatArray, phase: float, z: State) -> tuple[float, State]:
 
 
 @kernel
-def outgoing(c: FloatArray, z: State) -> tuple[float, float]:
+def outgoing(c: FloatArray, z: ContactState) -> tuple[float, float]:
     """`v_x2` [m/s] and `omega_2` [rad/s] of the state `z` at release: the spin of core and shell
     together, when their joint has come to rest.
     """
@@ -174,7 +178,12 @@ def outgoing(c: FloatArray, z: State) -> tuple[float, float]:
 
 
 @inlined
-def moved(z: State, h: float, weights: tuple[float, ...], slopes: tuple[State, ...]) -> State:
+def stepped(
+    z: ContactState,
+    h: float,
+    weights: tuple[float, ...],
+    slopes: tuple[ContactState, ...],
+) -> ContactState:
     """The state `z + h sum(weights slopes)`."""
     y, v_y, v_x, omega_1, omega_2, twist = z
     for r in range(len(weights)):
@@ -190,28 +199,28 @@ def moved(z: State, h: float, weights: tuple[float, ...], slopes: tuple[State, .
 
 
 @kernel
-def step(order: int, c: FloatArray, phase: float, z: State, h: float) -> State:
+def step(order: int, c: FloatArray, phase: float, z: ContactState, h: float) -> ContactState:
     """The state one step of `h` seconds after `z`, by the classical method of order 4 or that of
     order 8.
     """
     k1 = rates(c, phase, z)
     if order == 4:
-        k2 = rates(c, phase, moved(z, h, (0.5,), (k1,)))
-        k3 = rates(c, phase, moved(z, h, (0.5,), (k2,)))
-        k4 = rates(c, phase, moved(z, h, (1.0,), (k3,)))
-        return moved(z, h, RK4_B, (k1, k2, k3, k4))
-    k2 = rates(c, phase, moved(z, h, A2, (k1,)))
-    k3 = rates(c, phase, moved(z, h, A3, (k1, k2)))
-    k4 = rates(c, phase, moved(z, h, A4, (k1, k3)))
-    k5 = rates(c, phase, moved(z, h, A5, (k1, k3, k4)))
-    k6 = rates(c, phase, moved(z, h, A6, (k1, k4, k5)))
-    k7 = rates(c, phase, moved(z, h, A7, (k1, k4, k5, k6)))
-    k8 = rates(c, phase, moved(z, h, A8, (k1, k4, k5, k6, k7)))
-    k9 = rates(c, phase, moved(z, h, A9, (k1, k4, k5, k6, k7, k8)))
-    k10 = rates(c, phase, moved(z, h, A10, (k1, k4, k5, k6, k7, k8, k9)))
-    k11 = rates(c, phase, moved(z, h, A11, (k1, k4, k5, k6, k7, k8, k9, k10)))
-    k12 = rates(c, phase, moved(z, h, A12, (k1, k4, k5, k6, k7, k8, k9, k10, k11)))
-    return moved(z, h, B, (k1, k6, k7, k8, k9, k10, k11, k12))
+        k2 = rates(c, phase, stepped(z, h, (0.5,), (k1,)))
+        k3 = rates(c, phase, stepped(z, h, (0.5,), (k2,)))
+        k4 = rates(c, phase, stepped(z, h, (1.0,), (k3,)))
+        return stepped(z, h, RK4_B, (k1, k2, k3, k4))
+    k2 = rates(c, phase, stepped(z, h, A2, (k1,)))
+    k3 = rates(c, phase, stepped(z, h, A3, (k1, k2)))
+    k4 = rates(c, phase, stepped(z, h, A4, (k1, k3)))
+    k5 = rates(c, phase, stepped(z, h, A5, (k1, k3, k4)))
+    k6 = rates(c, phase, stepped(z, h, A6, (k1, k4, k5)))
+    k7 = rates(c, phase, stepped(z, h, A7, (k1, k4, k5, k6)))
+    k8 = rates(c, phase, stepped(z, h, A8, (k1, k4, k5, k6, k7)))
+    k9 = rates(c, phase, stepped(z, h, A9, (k1, k4, k5, k6, k7, k8)))
+    k10 = rates(c, phase, stepped(z, h, A10, (k1, k4, k5, k6, k7, k8, k9)))
+    k11 = rates(c, phase, stepped(z, h, A11, (k1, k4, k5, k6, k7, k8, k9, k10)))
+    k12 = rates(c, phase, stepped(z, h, A12, (k1, k4, k5, k6, k7, k8, k9, k10, k11)))
+    return stepped(z, h, B, (k1, k6, k7, k8, k9, k10, k11, k12))
 
 
 @kernel
@@ -219,10 +228,10 @@ def end_of_phase(
     order: int,
     c: FloatArray,
     phase: float,
-    z: State,
+    z: ContactState,
     h: float,
-    new: State,
-) -> tuple[float, State]:
+    new: ContactState,
+) -> tuple[float, ContactState]:
     """How long after `z` the phase ends, and the state there, if it has ended in `new` after `h`:
     regula falsi, with half the ordinate of an end that stays (Illinois).
     """
@@ -239,7 +248,7 @@ def end_of_phase(
             middle = 0.5 * (low + high)
         new = step(order, c, phase, z, middle)
         here = margin(c, phase, new)
-        if abs(middle - before) <= NEAR * c[END]:
+        if abs(middle - before) <= SEARCH_PRECISION * c[END]:
             break
         before = middle
         if here < 0.0:
@@ -256,10 +265,13 @@ def end_of_phase(
 
 
 @entry
-def fixed_steps(setups: FloatArray, order: int, steps: int) -> FloatArray:
-    """`v_x2` and `omega_2` (impacts, 2), SI, of contacts (impacts, SIZE) by so many equal steps of
-    order 4 or 8; a phase that ends within one is located, and the rest of the step goes on from
-    there.
+def fixed_steps(
+    setups: Annotated[FloatArray, "impacts numbers"],
+    order: int,
+    steps: int,
+) -> Annotated[FloatArray, "impacts 2"]:
+    """`v_x2` [m/s] and `omega_2` [rad/s] of contacts by so many equal steps of order 4 or 8. A
+    phase that ends within a step is located, and the rest of the step goes on from there.
     """
     out = np.empty((setups.shape[0], 2))
     for i in range(setups.shape[0]):
@@ -284,20 +296,28 @@ def fixed_steps(setups: FloatArray, order: int, steps: int) -> FloatArray:
     return out
 
 
-def adaptive(setups: FloatArray, method: Any, rtol: float, most: float = math.inf) -> FloatArray:
-    """`v_x2` and `omega_2` (impacts, 2), SI, of contacts (impacts, SIZE) by a `method` of
-    `solve_ivp`; no step is longer than the share `most` of the contact: events are looked for at
-    the ends of steps, and a grip that breaks and holds again within one is stepped over.
+def adaptive(
+    setups: Annotated[FloatArray, "impacts numbers"],
+    method: Method,
+    rtol: float,
+    most: float = math.inf,
+) -> Annotated[FloatArray, "impacts 2"]:
+    """`v_x2` [m/s] and `omega_2` [rad/s] of contacts by a `method` of `solve_ivp`. No step is
+    longer than the share `most` of the contact: events are looked for at the ends of steps, and a
+    grip that breaks and holds again within a step is stepped over.
     """
     return np.array([_integrated(c, method, rtol, most) for c in setups])
 
 
-def _integrated(c: FloatArray, method: Any, rtol: float, most: float) -> tuple[float, float]:
+def _integrated(c: FloatArray, method: Method, rtol: float, most: float) -> tuple[float, float]:
+    """`v_x2` [m/s] and `omega_2` [rad/s] of the contact with numbers `c`, by a `method` of
+    `solve_ivp`.
+    """
     z = first_state(c)
     phase = float(c[PHASE])
     time = 0.0
 
-    def motion(_t: float, z: FloatArray) -> State:
+    def motion(_t: float, z: FloatArray) -> ContactState:
         return rates(c, phase, tuple(z))
 
     def ended(_t: float, z: FloatArray) -> float:
@@ -306,7 +326,7 @@ def _integrated(c: FloatArray, method: Any, rtol: float, most: float) -> tuple[f
     ended.terminal = True  # type: ignore[attr-defined]
     ended.direction = -1.0  # type: ignore[attr-defined]
     for _ in range(MOST_EVENTS):
-        first = None if math.isinf(most) else FIRST * (c[END] - time)
+        first = None if math.isinf(most) else FIRST_STEP * (c[END] - time)
         run = solve_ivp(
             motion,
             (time, c[END]),
@@ -314,7 +334,7 @@ def _integrated(c: FloatArray, method: Any, rtol: float, most: float) -> tuple[f
             method,
             events=ended,
             rtol=rtol,
-            atol=rtol * SCALE,
+            atol=rtol * TYPICAL_STATE,
             max_step=most * c[END],
             first_step=first,
         )

@@ -133,7 +133,7 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
     ball = problem.scene.ball_value()
     stated = problem.scene.ball_sd()
     tennis = itf.is_tennis_ball(ball)
-    tolerated = itf.TOLERANCES if tennis else {}
+    tolerated = itf.BALL_TOLERANCES if tennis else {}
     for name in BALL_PARAMETERS:
         key = name.removeprefix("ball_")
         value = held.get(name, float(getattr(ball, key)))
