@@ -24,9 +24,9 @@ def note_of(fit):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A fit of a table that is gone, with choices of its own."""
-    place = tmp_path_factory.mktemp("again")
+    folder = tmp_path_factory.mktemp("again")
     table = fitball.load_table("wang_zero_spin.csv").to_frame()
-    table.to_csv(place / "balls.csv", index=False)
+    table.to_csv(folder / "balls.csv", index=False)
     words = [
         "--model",
         "grip-slip",
@@ -37,10 +37,10 @@ def folder(tmp_path_factory):
         "--seed",
         "3",
     ]
-    words += ["--out", str(place / "fit"), "--figures", "none"]
-    assert main(["calibrate", str(place / "balls.csv"), *words]) == 0
-    (place / "balls.csv").unlink()
-    return place / "fit"
+    words += ["--out", str(folder / "fit"), "--figures", "none"]
+    assert main(["calibrate", str(folder / "balls.csv"), *words]) == 0
+    (folder / "balls.csv").unlink()
+    return folder / "fit"
 
 
 def test_a_stored_fit_gives_the_same_again_whatever_the_defaults_are_now(

@@ -45,15 +45,15 @@ def test_options_are_those_of_the_signature():
         "--as-read --seed 7 --out x "
         "--prior mu=normal(0.6,0.1),e_x=uniform(-1,1)"
     )
-    asked = _parsed(*line.split())
-    assert asked["data"] == ["a.csv", "b.csv"]
-    assert asked["fix"] == {"mu": 0.5, "eps_slope": 0.0, "e_x": 0.1}
-    assert asked["prior"] == {"mu": "normal(0.6,0.1)", "e_x": "uniform(-1,1)"}
-    assert asked["flip"] == ["v_y2", "omega_1"]
-    assert asked["as_read"] is True
-    assert asked["point_only"] is False
-    assert asked["seed"] == 7
-    assert asked["_out"] == "x"
+    parsed = _parsed(*line.split())
+    assert parsed["data"] == ["a.csv", "b.csv"]
+    assert parsed["fix"] == {"mu": 0.5, "eps_slope": 0.0, "e_x": 0.1}
+    assert parsed["prior"] == {"mu": "normal(0.6,0.1)", "e_x": "uniform(-1,1)"}
+    assert parsed["flip"] == ["v_y2", "omega_1"]
+    assert parsed["as_read"] is True
+    assert parsed["point_only"] is False
+    assert parsed["seed"] == 7
+    assert parsed["_out"] == "x"
     assert _parsed("check")["data"] == []
 
 
@@ -211,7 +211,7 @@ def test_every_option_has_words():
 
 
 @pytest.mark.parametrize(
-    ("verb", "asked", "folder"),
+    ("verb", "options", "folder"),
     [
         ("calibrate", {"data": ["a/b.csv"], "model": ""}, "fits/b/default"),
         ("calibrate", {"data": ["b.csv", "c.csv"], "model": "own/f.py:g"}, "fits/b/f.py_g"),
@@ -226,22 +226,22 @@ def test_every_option_has_words():
         ("rederive", {}, "fits/rederive"),
     ],
 )
-def test_where_a_result_goes(verb, asked, folder):
-    assert cli.default_folder(verb, asked).as_posix() == folder
+def test_where_a_result_goes(verb, options, folder):
+    assert cli.default_folder(verb, options).as_posix() == folder
 
 
 def test_what_is_of_a_fit_goes_below_it_and_beside_what_is_there(tmp_path):
-    asked = {"data": [str(tmp_path)], "model": ""}
-    place = cli.default_folder("calibrate", asked)
-    assert place == tmp_path / "calibrate"
-    assert cli.next_free_folder(place) == place
+    options = {"data": [str(tmp_path)], "model": ""}
+    folder = cli.default_folder("calibrate", options)
+    assert folder == tmp_path / "calibrate"
+    assert cli.next_free_folder(folder) == folder
     for name, following in (
         ("calibrate", "calibrate-2"),
         ("calibrate-2", "calibrate-3"),
     ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "report.html").touch()
-        assert cli.next_free_folder(place) == tmp_path / following
+        assert cli.next_free_folder(folder) == tmp_path / following
 
 
 def test_help_needs_no_heavy_package():

@@ -51,10 +51,10 @@ def test_a_column_without_a_dimension_is_read_fitted_and_written(ratio):
 
 def test_velocities_of_an_end_are_its_components_and_what_has_a_formula():
     for end, names in (("1", INCIDENT), ("2", REBOUND)):
-        found = velocity_columns(end)
-        assert found[:2] == (f"v_x{end}", f"v_y{end}")
-        assert {f"v_{end}", f"theta_{end}"} <= {*found[2:]} <= {*names}
-        assert not {f"omega_{end}", "contact_time", "gap_path"} & {*found}
+        columns = velocity_columns(end)
+        assert columns[:2] == (f"v_x{end}", f"v_y{end}")
+        assert {f"v_{end}", f"theta_{end}"} <= {*columns[2:]} <= {*names}
+        assert not {f"omega_{end}", "contact_time", "gap_path"} & {*columns}
         assert {*COMPONENTS[end]} <= {*names}
         v_x, v_y = 3.0 * np.cos(2.0), 3.0 * np.sin(2.0)
         assert COLUMNS[f"v_{end}"].formula(v_x, v_y) == pytest.approx(3.0)

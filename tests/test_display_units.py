@@ -98,7 +98,7 @@ def derived():
         problem = fit_by_hand(frame, model=model).problem
         rows = problem.rows
         known = CalibratedRange(rows.states, rows.index, problem.scene.ball_value().radius)
-        yield from (item.spec for item in quantities(problem.forward, known, problem.scene))
+        yield from (quantity.spec for quantity in quantities(problem.forward, known, problem.scene))
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -110,8 +110,8 @@ def test_every_quantity_is_shown_in_a_unit_of_its_own():
     specs = [*SPECS.values(), *CAMERA_SPECS.values(), *COLUMNS.values()]
     specs += [column.noise for column in COLUMNS.values() if column.noise]
     specs += noise.StudentT.parameters
-    found = {spec.name: spec for spec in derived()}
-    assert {*found} >= {
+    derived_specs = {spec.name: spec for spec in derived()}
+    assert {*derived_specs} >= {
         "k_theta/k_y",
         "cor_median",
         "eps_median",
@@ -120,7 +120,7 @@ def test_every_quantity_is_shown_in_a_unit_of_its_own():
         "rebound_254cm",
     }
     wrong = [
-        spec.name for spec in [*specs, *found.values()] if not agrees(spec.display_unit, spec.unit)
+        spec.name for spec in [*specs, *derived_specs.values()] if not agrees(spec.display_unit, spec.unit)
     ]
     assert not wrong
     # Angles, times and small lengths are not read in SI.
@@ -137,19 +137,19 @@ def test_a_unit_is_written_once():
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == "Unit"
-        and any(isinstance(part, ast.Constant | ast.BinOp) for part in node.args)
+        and any(isinstance(argument, ast.Constant | ast.BinOp) for argument in node.args)
     ]
     assert not written
 
 
 def test_the_page_of_a_simulation():
-    found = fitball.simulate(
+    result = fitball.simulate(
         model="two-mass",
         impact="v_1=20, theta_1=35 deg, omega_1=-1000 rpm",
     )
-    report = simulate_page.report(found)
+    report = simulate_page.report(result)
     assert "20.00 m/s at 35.0 degrees, spin -1000 rpm" in report.title
-    values = found.frames["outcome"].set_index("quantity")["value"]
+    values = result.frames["outcome"].set_index("quantity")["value"]
     titles = {column.title: name for name, column in COLUMNS.items()}
     titles |= {
         "greatest compression": "peak_compression",
@@ -163,18 +163,18 @@ def test_the_page_of_a_simulation():
     (text,) = re.findall(r"after (\S+) ms", report.summary[0].lines[0])
     assert shows(text, time, "ms")
     assert shows(rows_of(report, "to [ms]")[-1]["to [ms]"], time, "ms")
-    set_values = found.frames["parameters"].set_index("parameter")["value"]
+    set_values = result.frames["parameters"].set_index("parameter")["value"]
     for row in rows_of(report, "parameter"):
         assert shows(row["value"], set_values[row["parameter"]], row["unit"])
 
 
 def test_the_page_of_a_prediction():
-    made = fit_by_hand()
-    fit = replace(made, alternatives=())
-    fit.__dict__["built"] = made.built
-    found = fit.predict(impact="v_1=15..25:4, theta_1=30 deg, omega_1=10")
-    frame = found.frames["predictions"]
-    rows = rows_of(predict_page.report(found), "impact")
+    complete = fit_by_hand()
+    fit = replace(complete, alternatives=())
+    fit.__dict__["built"] = complete.built
+    result = fit.predict(impact="v_1=15..25:4, theta_1=30 deg, omega_1=10")
+    frame = result.frames["predictions"]
+    rows = rows_of(predict_page.report(result), "impact")
     for k, row in enumerate(rows):
         for head, value in (("v_1 [m/s]", 15.0 + 10.0 * k / 3.0), ("theta_1 [deg]", pi / 6.0)):
             assert shows(row[head], value, unit_of(head))
@@ -185,16 +185,16 @@ def test_the_page_of_a_prediction():
 
 
 def test_the_page_of_a_plan():
-    found = fit_by_hand(scene=Scene()).plan(
+    result = fit_by_hand(scene=Scene()).plan(
         speed="15..25:2",
         angle="20..60:2",
         spin="0..100:2",
         count=2,
         target="offset,mu",
     )
-    plan = found.frames["plan"]
-    target = found.frames["targets"]
-    report = plan_page.report(found)
+    plan = result.frames["plan"]
+    target = result.frames["targets"]
+    report = plan_page.report(result)
     for row, chosen in zip(rows_of(report, "angle [deg]"), plan.to_dict("records"), strict=True):
         assert shows(row["angle [deg]"], chosen["theta_1"], "deg")
         assert shows(row["speed [m/s]"], chosen["v_1"], "m/s")
@@ -246,12 +246,12 @@ def test_the_page_of_a_film():
 
 
 def test_the_settings_of_an_engine():
-    one = parameter_set.set_of_model(fitball.model(), {})
-    found = engine.settings(one, fitball.impacts(8.0, 9.0, 10.0), 0.4)
-    row = engine._row(one, found, ("v_x2", "omega_2"))
-    for kind, errors in (("error", found.errors), ("rms", found.rms)):
+    parameter_values = parameter_set.set_of_model(fitball.model(), {})
+    settings = engine.settings(parameter_values, fitball.impacts(8.0, 9.0, 10.0), 0.4)
+    row = engine._row(parameter_values, settings, ("v_x2", "omega_2"))
+    for kind, errors in (("error", settings.errors), ("rms", settings.rms)):
         for name, symbol in (("v_x2", "m/s"), ("omega_2", "rad/s")):
             assert shows(row[f"{kind} {name} [{symbol}]"], errors[name], symbol)
-    made = fitball.export(model="two-mass", to="engine", at="v_1=17, theta_1=30 deg, omega_1=0")
-    (text,) = made.contents.values()
+    exported = fitball.export(model="two-mass", to="engine", at="v_1=17, theta_1=30 deg, omega_1=0")
+    (text,) = exported.contents.values()
     assert "17.0 m/s at 30.0 deg" in text

@@ -23,7 +23,7 @@ POSIX = pytest.mark.skipif(os.name != "posix", reason="links and signals of a PO
 
 
 def names(folder):
-    return sorted(place.name for place in folder.iterdir() if place.name != WRITTEN)
+    return sorted(path.name for path in folder.iterdir() if path.name != WRITTEN)
 
 
 def run(code, *words, **more):
@@ -70,7 +70,7 @@ def test_of_many_processes_at_once_the_folder_holds_the_result_of_one(tmp_path):
     assert [process.wait() for process in runs] == [0, 0, 0]
     folder = tmp_path / "c"
     (last,) = set(names(folder)) - {"fit.json", "summary.csv"}
-    contents = {place.read_text() for place in folder.glob("[!.]*")}
+    contents = {path.read_text() for path in folder.glob("[!.]*")}
     assert contents == {f"{last} 19"}
 
 
@@ -139,8 +139,8 @@ def test_what_cannot_be_written_leaves_the_older_file(tmp_path, monkeypatch, num
 
 def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
     (tmp_path / "file").write_text("x")
-    for place in ("file", "file/c", "a" * 300):
-        refused("no-folder", tmp_path / place)
+    for path in ("file", "file/c", "a" * 300):
+        refused("no-folder", tmp_path / path)
     with result_folder(tmp_path / "fits" / "clay" / "default"):
         pass
     with pytest.raises(FolderError) as caught, result_folder(tmp_path) as folder:
@@ -152,17 +152,17 @@ def test_a_folder_that_cannot_be_or_was_made_for_nothing(tmp_path):
 @POSIX
 def test_links_that_others_planted_are_not_followed(tmp_path):
     precious = tmp_path / "precious"
-    place = tmp_path / "c"
+    path = tmp_path / "c"
     precious.write_text("kept")
-    place.mkdir()
-    (place / "fit.json").symlink_to(precious)
-    (place / WRITTEN).write_text("../precious\n/etc/hostname\n\n..\ntrace.pn")
-    (place / "trace.pn").write_text("a line that is cut off names no file")
-    with result_folder(place, record="fit.json", overwrite=True) as folder:
+    path.mkdir()
+    (path / "fit.json").symlink_to(precious)
+    (path / WRITTEN).write_text("../precious\n/etc/hostname\n\n..\ntrace.pn")
+    (path / "trace.pn").write_text("a line that is cut off names no file")
+    with result_folder(path, record="fit.json", overwrite=True) as folder:
         folder.clear()
         folder.write("fit.json", b"2")
     assert precious.read_text() == "kept"
-    assert names(place) == ["fit.json", "trace.pn"]
+    assert names(path) == ["fit.json", "trace.pn"]
     (tmp_path / LOCK).symlink_to(precious)
     refused("no-folder", tmp_path)
     assert precious.read_text() == "kept"

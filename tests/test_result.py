@@ -105,11 +105,11 @@ def test_text_notebook_and_json_say_the_same():
     assert "More" not in toy.report(full=False)
     assert "0.300" in toy._repr_html_()
     assert "<html" not in toy._repr_html_()
-    found = json.loads(json.dumps(toy.json(), allow_nan=False))
+    printed = json.loads(json.dumps(toy.json(), allow_nan=False))
     rows = [("mu", 0.1 + 0.2, "model"), ("k_y", None, None), ("drop", None, None)]
     summary = [dict(zip(("name", "median", "kind"), row, strict=True)) for row in rows]
     notes = [{"code": "doubt", "text": "a doubt"}]
-    assert found == {"frames": {"summary": summary}, "notes": notes, "exit_code": 0}
+    assert printed == {"frames": {"summary": summary}, "notes": notes, "exit_code": 0}
 
 
 def test_frames_have_their_page_and_their_exit_code():

@@ -29,8 +29,8 @@ def plain(fit):
         return value.tolist() if isinstance(value, np.ndarray | np.generic) else dict(value)
 
     return {
-        one.name: msgspec.to_builtins(getattr(fit, one.name), enc_hook=hook)
-        for one in dataclasses.fields(fit)
+        field.name: msgspec.to_builtins(getattr(fit, field.name), enc_hook=hook)
+        for field in dataclasses.fields(fit)
     }
 
 
@@ -55,8 +55,8 @@ def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
 
 def test_other_libraries_read_draws_and_measurements(tmp_path):
     fit = fit_by_hand()
-    place = written(fit, tmp_path) / "fit.nc"
-    with xarray.open_dataset(place, group="posterior", engine="h5netcdf") as draws:
+    path = written(fit, tmp_path) / "fit.nc"
+    with xarray.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
         values = fit.posterior.values
         assert draws["mu"].dims == ("chain", "draw")
         assert (
@@ -66,7 +66,7 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
             draws["mu"][values.shape[2] + 3],
             values[1, :, 3, fit.posterior.names.index("mu")],
         )
-    with xarray.open_dataset(place, group="observed_data", engine="h5netcdf") as seen:
+    with xarray.open_dataset(path, group="observed_data", engine="h5netcdf") as seen:
         assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
 
 
@@ -83,23 +83,23 @@ def test_other_libraries_read_draws_and_measurements(tmp_path):
     ],
 )
 def test_a_changed_file_is_refused(tmp_path, name, before, after, code):
-    place = written(fit_by_hand(), tmp_path) / name
-    assert before in place.read_bytes()
-    place.write_bytes(place.read_bytes().replace(before, after, 1))
+    path = written(fit_by_hand(), tmp_path) / name
+    assert before in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(before, after, 1))
     with pytest.raises(FolderError) as caught:
         files_of_fit.read(tmp_path)
     assert caught.value.code == code
     assert code == "changed" or files_of_fit.key_of(tmp_path) == code * (code == "other-version")
 
 
-@pytest.mark.parametrize("part", ["status", "adequacy"])
-def test_a_fit_with_other_fields_is_refused_too(tmp_path, part):
-    place = written(fit_by_hand(), tmp_path)
-    content = json.loads((place / "fit.json").read_text()) | {part: [1]}
-    content["digest"] = files_of_fit._digest(content, (place / "fit.nc").read_bytes())
-    (place / "fit.json").write_text(json.dumps(content))
+@pytest.mark.parametrize("field", ["status", "adequacy"])
+def test_a_fit_with_other_fields_is_refused_too(tmp_path, field):
+    path = written(fit_by_hand(), tmp_path)
+    content = json.loads((path / "fit.json").read_text()) | {field: [1]}
+    content["digest"] = files_of_fit._digest(content, (path / "fit.nc").read_bytes())
+    (path / "fit.json").write_text(json.dumps(content))
     with pytest.raises(FolderError) as caught:
-        files_of_fit.read(place)
+        files_of_fit.read(path)
     assert caught.value.code == "no-fit"
 
 

@@ -71,8 +71,8 @@ def test_an_interval_has_the_decimals_of_its_width(low, high, text):
 
 
 def test_numbers_without_an_sd():
-    found = [PLAIN.number(x) for x in (0.0996, 12345.0, 0.0, -0.0, 1e-15, -3.14159, np.inf, None)]
-    assert found == ["0.0996", "12345", "0", "0", "1.00e-15", "-3.14", "", ""]
+    texts = [PLAIN.number(x) for x in (0.0996, 12345.0, 0.0, -0.0, 1e-15, -3.14159, np.inf, None)]
+    assert texts == ["0.0996", "12345", "0", "0", "1.00e-15", "-3.14", "", ""]
     assert PLAIN.number(0.0996, 2) == "0.10"
     assert MS.number(0.0042) == "4.20"
     assert [signed(x) for x in (0.01, 0.3, -2.0)] == ["0.0", "+0.3", "-2.0"]

@@ -109,8 +109,8 @@ def test_plan_hands_on_all_and_has_its_page(fit, monkeypatch):
     steps["targets_of"].assert_called_once_with(fit, ["mu", "cor_10"], sentinel.measured_levels)
     steps["settings_of"].assert_called_once_with(fit, ranges, level)
     steps["sensors_of"].assert_called_once_with(fit, {"drop": "1 m"})
-    found = (sentinel.targets_of, sentinel.settings_of, sentinel.sensors_of)
-    room.assert_called_once_with(fit, *found, 7)
+    arguments = (sentinel.targets_of, sentinel.settings_of, sentinel.sensors_of)
+    room.assert_called_once_with(fit, *arguments, 7)
 
 
 def test_simulate_hands_on_all_and_has_its_page(fit, monkeypatch):
@@ -180,10 +180,10 @@ def test_rederive_and_bench_have_their_pages(monkeypatch):
 
 def test_track_hands_on_all(monkeypatch):
     room = replaced(monkeypatch, "fitball.tracks.tracking.track", Mock())
-    known = replaced(monkeypatch, "fitball.tracks.read.scene_of", sentinel.scene)
+    scene_of = replaced(monkeypatch, "fitball.tracks.read.scene_of", sentinel.scene)
     camera = {"scene": "a.toml", "fps": 240.0, "mm_per_px": 0.8, "ball_diameter": "66mm"}
     fitball.track("a.csv", columns={"x": "cx [px]"}, as_read=True, **camera)
-    known.assert_called_once_with(["a.csv"], *camera.values())
+    scene_of.assert_called_once_with(["a.csv"], *camera.values())
     assert room.call_args[0][:4] == (["a.csv"], sentinel.scene, {"x": "cx [px]"}, True)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,13 +59,13 @@ def braking_per_drag(ball: Ball, air: Mapping[str, float]) -> float:
     return density(air) * pi * ball.radius**2 / ball.mass
 
 
-def landing_speed(height: ArrayLike, braking: ArrayLike) -> FloatArray:
+def landing_speed(height: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
     """Speed [m/s] at which a ball lands that falls from rest by a height [m]; shapes broadcast."""
     s = np.asarray(braking, dtype=np.float64)
     return np.asarray(np.sqrt(-2.0 * GRAVITY * np.expm1(-s * np.asarray(height)) / s))
 
 
-def drop_height(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+def drop_height(speed: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
     """Height [m] from which a ball falls that lands at a speed [m/s], below the terminal one;
     shapes broadcast.
     """
@@ -73,7 +73,7 @@ def drop_height(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
     return np.asarray(-np.log1p(-s * np.square(speed) / (2.0 * GRAVITY)) / s)
 
 
-def launch_speed(height: ArrayLike, braking: ArrayLike) -> FloatArray:
+def launch_speed(height: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
     """Speed [m/s] at which a ball leaves the ground that rises to a height [m]; shapes
     broadcast.
     """
@@ -81,7 +81,7 @@ def launch_speed(height: ArrayLike, braking: ArrayLike) -> FloatArray:
     return np.asarray(np.sqrt(2.0 * GRAVITY * np.expm1(s * np.asarray(height)) / s))
 
 
-def rebound_height(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+def rebound_height(speed: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
     """Height [m] to which a ball rises that leaves the ground at a speed [m/s]; shapes
     broadcast.
     """

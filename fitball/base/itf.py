@@ -7,6 +7,7 @@ of Tennis*, Appendices I and VI.
 """
 
 from collections.abc import Mapping
+from typing import Annotated
 
 import numpy as np
 
@@ -64,31 +65,32 @@ def is_tennis_radius(radius: float) -> bool:
 def is_tennis_ball(ball: Ball) -> bool:
     """Whether mass and radius are within the rules, so that what is known of tennis balls holds."""
     limits = zip((ball.mass, ball.radius), BALL_TOLERANCES.values(), strict=True)
-    return all(low <= one <= high for one, (low, high) in limits)
+    return all(low <= constant <= high for constant, (low, high) in limits)
 
 
 def pace_impact() -> Impacts:
-    """The impact of the court pace test, (1,): 30 m/s, 16 degrees, no spin."""
+    """The impact of the court pace test: 30 m/s, 16 degrees, no spin."""
     speed = np.array([30.0])
     angle = np.radians(16.0)
     return Impacts(speed * np.cos(angle), speed * np.sin(angle), np.zeros(1))
 
 
 def pace_rating(
-    friction: FloatArray,
-    restitution: FloatArray,
+    friction: Annotated[FloatArray, "..."],
+    restitution: Annotated[FloatArray, "..."],
     temperature: float | None,
-) -> FloatArray:
-    """`100 (1 - mu) + 150 (0.81 - e_T)`, `e_T = e + 0.003 (23 - T)`, T in degrees Celsius (None:
-    23); the apparent friction is `mu = (v_x1 - v_x2)/(v_y1 + v_y2)`.
+) -> Annotated[FloatArray, "..."]:
+    """The rating of a court, `100 (1 - mu) + 150 (0.81 - e_T)` with `e_T = e + 0.003 (23 - T)`, T
+    in degrees Celsius (None: 23) and the apparent friction `mu = (v_x1 - v_x2)/(v_y1 + v_y2)`, by
+    CS 01/02.
     """
     colder = 0.0 if temperature is None else _TEST_TEMPERATURE - temperature
     corrected = restitution + _PER_KELVIN * colder
     return np.asarray(100.0 * (1.0 - friction) + 150.0 * (_MEAN_RESTITUTION - corrected))
 
 
-def pace_categories(rating: FloatArray) -> dict[str, float]:
-    """Share of ratings (draws,), rounded first, in slow, medium-slow, medium, medium-fast, fast."""
+def pace_categories(rating: Annotated[FloatArray, "draws"]) -> dict[str, float]:
+    """Share of ratings, rounded first, in slow, medium-slow, medium, medium-fast, fast."""
     # Half a point counts up.
     places = np.searchsorted(_BEGINS, np.floor(rating + 0.5), side="right")
     return {name: float(np.mean(places == k)) for k, name in enumerate(PACE_CATEGORIES)}

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
@@ -26,7 +26,7 @@ LEAST_SHAPE = 0.5
 # difference of numbers so large that fewer than nine digits of it are left.
 LARGEST_SHAPE = 1e6
 # Quantiles from which the mean and sd of a truncated density are computed.
-QUANTILES = 1000
+MOMENT_QUANTILES = 1000
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,15 @@ class Prior(ABC):
     It has the `numbers` of its `text`, as written; `source` is where it was published.
 
     A family has a `form`, how it is written; its `coordinate_kind`; `flat` where it has no slope,
-    `normal` where it is a normal density in the coordinate; and `whole`, the share of `cdf` that it
-    has with no bounds.
+    `normal` where it is a normal density in the coordinate; and `full_mass`, what `cdf` has
+    without bounds.
     """
 
     form: ClassVar[str]
     coordinate_kind: ClassVar[Coordinate] = VALUE
     flat: ClassVar[bool] = False
     normal: ClassVar[bool] = False
-    whole: ClassVar[float] = 1.0
+    full_mass: ClassVar[float] = 1.0
 
     text: str
     numbers: tuple[float, ...]
@@ -95,24 +95,33 @@ class Prior(ABC):
 
     @staticmethod
     @abstractmethod
-    def deviance(q: FloatArray, *constants: FloatArray) -> FloatArray:
-        """Twice how far the log density at coordinates (draws, priors) lies below its peak, the
-        constants (priors,) of priors that have the same formula.
+    def deviance(
+        q: Annotated[FloatArray, "draws priors"],
+        *constants: Annotated[FloatArray, "priors"],
+    ) -> Annotated[FloatArray, "draws priors"]:
+        """Twice how far the log density at coordinates lies below its peak, of priors that have the
+        same formula with other `constants`.
         """
 
     @staticmethod
     @abstractmethod
-    def pull(q: FloatArray, *constants: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Slope and curvature of minus the log density, each like `deviance`. Where the density is
-        not log-concave the curvature is that of the normal one that touches it and lies below.
+    def pull(
+        q: Annotated[FloatArray, "draws priors"],
+        *constants: Annotated[FloatArray, "priors"],
+    ) -> tuple[
+        Annotated[FloatArray, "draws priors"],
+        Annotated[FloatArray, "draws priors"],
+    ]:
+        """Slope and curvature of minus the log density at coordinates. Where the density is not
+        log-concave the curvature is that of the normal density that touches it and lies below.
         """
 
     @abstractmethod
-    def cdf(self, q: FloatArray) -> FloatArray:
+    def cdf(self, q: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
         """The share of the density below coordinates, before truncation."""
 
     @abstractmethod
-    def ppf(self, shares: FloatArray) -> FloatArray:
+    def ppf(self, shares: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
         """Coordinates below which shares of the density lie, before truncation."""
 
     @classmethod
@@ -142,15 +151,15 @@ class Prior(ABC):
         """One over the width, zero of a flat density: deviations of a measured value weigh so."""
         return 0.0 if self.flat else 1.0 / self.width
 
-    def coordinate(self, values: FloatArray) -> FloatArray:
-        """Coordinates of values in SI, any shape; `value` is the inverse."""
+    def coordinate(self, values: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+        """Coordinates of values in SI; `value` is the inverse."""
         return self.coordinate_kind.of(values)
 
-    def value(self, coordinates: FloatArray) -> FloatArray:
-        """Values in SI."""
+    def value(self, coordinates: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+        """Values in SI of coordinates; `coordinate` is the inverse."""
         return self.coordinate_kind.value(coordinates)
 
-    def stretch(self, values: FloatArray) -> FloatArray:
+    def stretch(self, values: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
         """Derivatives of values in SI with their coordinates."""
         return self.coordinate_kind.stretch(values)
 
@@ -159,8 +168,10 @@ class Prior(ABC):
         """The log density at `location` after truncation, be the place within the bounds or not."""
         return self.peak - math.log(self.mass)
 
-    def log_density(self, coordinates: FloatArray) -> FloatArray:
-        """Normalised, with respect to the coordinate; -inf outside the bounds."""
+    def log_density(
+        self, coordinates: Annotated[FloatArray, "..."]
+    ) -> Annotated[FloatArray, "..."]:
+        """The log density, normalised, with respect to the coordinate; -inf outside the bounds."""
         q = np.asarray(coordinates, dtype=np.float64)
         inside = (q >= self.lower) & (q <= self.upper)
         # Outside a formula may have no number.
@@ -176,7 +187,7 @@ class Prior(ABC):
     @cached_property
     def share(self) -> float:
         """The share of the density that the bounds leave."""
-        return self.mass / self.whole
+        return self.mass / self.full_mass
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
@@ -184,15 +195,17 @@ class Prior(ABC):
         low, high = (float(self.cdf(np.asarray(end))) for end in (self.lower, self.upper))
         return low, high
 
-    def quantile(self, shares: FloatArray) -> FloatArray:
-        """Values in SI, of any shape, below which these shares of the truncated density lie, none
-        beyond its limits.
+    def quantile(self, shares: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+        """Values in SI below which these shares of the truncated density lie, none beyond its
+        limits.
         """
         # The way back from the coordinate may step over a limit by one rounding.
         return np.clip(self.value(self._truncated_ppf(shares)), *self.limits)
 
-    def coordinate_quantile(self, shares: FloatArray) -> FloatArray:
-        """Coordinates, of any shape, below which these shares of the truncated density lie: draws
+    def coordinate_quantile(
+        self, shares: Annotated[FloatArray, "..."]
+    ) -> Annotated[FloatArray, "..."]:
+        """Coordinates below which these shares of the truncated density lie: draws
         are those of uniform shares.
         """
         # By the value, whose rounding the draws of a seed have always had.
@@ -204,9 +217,9 @@ class Prior(ABC):
         # Rounding may step over a bound.
         return np.clip(q, self.lower, self.upper)
 
-    def even_values(self) -> FloatArray:
+    def even_values(self) -> Annotated[FloatArray, "values"]:
         """Values in SI at evenly spaced quantiles."""
-        return self.quantile((np.arange(QUANTILES) + 0.5) / QUANTILES)
+        return self.quantile((np.arange(MOMENT_QUANTILES) + 0.5) / MOMENT_QUANTILES)
 
     def at_levels(self) -> "Prior":
         """What stands for it where a parameter has a value at each level: spreads between levels
@@ -360,7 +373,7 @@ class Half(Prior):
     """The upper half of a density about zero: its first number is its scale."""
 
     # `cdf` is that of both sides.
-    whole = 0.5
+    full_mass = 0.5
     location = 0.0
 
     @classmethod

@@ -1,11 +1,13 @@
 """Places of some of many: evenly spread, or in proportion to weights."""
 
+from typing import Annotated
+
 import numpy as np
 
 from fitball.base.values import FloatArray, IntArray
 
 
-def evenly_spread(count: int, most: int, *, down: bool = False) -> IntArray:
+def evenly_spread(count: int, most: int, *, down: bool = False) -> Annotated[IntArray, "chosen"]:
     """Places of at most `most` of `count`, evenly spread, the first and the last among them:
     rounded to the nearest place, or `down` to the one before.
     """
@@ -13,15 +15,17 @@ def evenly_spread(count: int, most: int, *, down: bool = False) -> IntArray:
     return (places if down else places.round()).astype(np.int64)
 
 
-def evenly_begun(count: int, size: int) -> IntArray:
-    """Places (size,) at which `size` equal pieces of `count` begin; of fewer than `size` each comes
+def evenly_begun(count: int, size: int) -> Annotated[IntArray, "chosen"]:
+    """Places at which `size` equal pieces of `count` begin; of fewer than `size` each comes
     several times.
     """
     return (np.arange(size) * count) // size
 
 
-def systematic(weights: FloatArray, size: int, offset: float) -> IntArray:
-    """Places (size,) drawn in proportion to weights of any sum, by one `offset` (0 to 1) for all:
+def systematic(
+    weights: Annotated[FloatArray, "draws"], size: int, offset: float
+) -> Annotated[IntArray, "chosen"]:
+    """`size` places drawn in proportion to weights of any sum, by one `offset` (0 to 1) for all:
     each comes as often as its share says, rounded up or down (Carpenter, Clifford and Fearnhead,
     IEE Proc. Radar, Sonar Navig. 146 (1999) 2).
     """
