@@ -120,7 +120,9 @@ def test_every_quantity_is_shown_in_a_unit_of_its_own():
         "rebound_254cm",
     }
     wrong = [
-        spec.name for spec in [*specs, *derived_specs.values()] if not agrees(spec.display_unit, spec.unit)
+        spec.name
+        for spec in [*specs, *derived_specs.values()]
+        if not agrees(spec.display_unit, spec.unit)
     ]
     assert not wrong
     # Angles, times and small lengths are not read in SI.
