@@ -34,8 +34,9 @@ class TableCells:
     `names` are the cells of the header, none empty, with the units of a row below it in brackets.
     `columns`, in that order, are arrays of text, or of numbers where the source has numbers. `rows`
     are the numbers of the rows of data from 1, `lines` those of the lines of the file (None in
-    memory); `header` is the header's line, `above` the records above it, cut to the names. `sha256`
-    is that of the file's bytes, or of names and cells in memory.
+    memory); `header` is the header's line, `above` the records above it, cut to the names. All
+    numbers are to be multiplied by `factor`. `sha256` is that of the file's bytes, or of names and
+    cells in memory.
 
     The table collects `notes` on what was assumed, and `faults`, for which it is refused.
     """
@@ -50,6 +51,7 @@ class TableCells:
     notes: list[Note] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
     above: list[list[str]] = field(default_factory=list)
+    factor: float = 1.0
 
     def text(self, index: int) -> list[str]:
         """The cells of the column of this index as text; whole numbers without a point."""
@@ -130,8 +132,8 @@ def numbers(
     cells: TableCells,
     wanted: Mapping[str, int],
 ) -> dict[str, Annotated[FloatArray, "rows"]]:
-    """Columns of numbers by name, as they are written: no unit is applied. `wanted` has the index
-    of each among `cells.columns`.
+    """Columns of numbers by name, as they are written, but for a factor of all: no unit is applied.
+    `wanted` has the index of each among `cells.columns`.
 
     A number is NaN where a cell says that nothing was measured, and where it has a fault:
     `not-a-number`, `not-finite`, `ambiguous-number`. Numbers behind ± are in NAME_sd (fault
@@ -166,6 +168,7 @@ def numbers(
             words = "read a number that is not finite; expected a number"
             cells.fault("not-finite", words, name, k)
         parsed[is_infinite] = np.nan
+        parsed *= cells.factor
     return values
 
 

@@ -75,6 +75,14 @@ _SQUARE = re.compile(r"(?P<name>[^\[\]]*?)\s*/?\s*\[(?P<unit>[^\[\]]*)\]")
 _ROUND = re.compile(r"(?P<name>.*?)\s*/?\s*[({](?P<unit>[^(){}]*)[)}]")
 # Behind the name: `v_1 / m/s` (ISO 80000), `v_1 in m/s`, `v_1, m/s`, `v_1_mph`.
 _GAP = re.compile(r"\s*/\s*|\s+in\s+|\s*[,:;]\s*|[_\s]")
+# The name of a data set before that of a column: `Latest: Time (s)`, of Logger Pro.
+_DATA_SET = re.compile(r"[^:\[\](){}]+:\s*(?P<name>\S.*)")
+# A run behind the name of a column: `Time (s) Run #1`, of Capstone.
+_RUN = re.compile(
+    r"(?P<name>.*[^\s,;])[\s,;]+\(?(?:run|series|set|data set|messung|versuch|lauf|essai)"
+    r"\s*(?:#|no\.?|nr\.?)?\s*\d{1,4}\)?",
+    re.IGNORECASE,
+)
 # `corr(v_x1,gap_time)`.
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
 
@@ -88,7 +96,7 @@ def bare_name(name: str) -> str:
 
 # Our names by what is left of them without underscores.
 _BY_BARE = {bare_name(name): name for name in (*NUMBERS, *LABELS)}
-_BY_BARE |= dict.fromkeys(("no", "nr", "#", "number", "impactid", "impactno"), "id")
+_BY_BARE |= dict.fromkeys(("no", "nr", "#", "number", "impactid", "impactno", "rownames"), "id")
 
 
 def our_name(name: str) -> str | None:
@@ -103,6 +111,16 @@ def our_name(name: str) -> str | None:
     both = {our_name(their) for their in pair.groups()}
     ends = [column for column in COLUMNS if column in both]
     return f"corr({','.join(ends)})" if len(ends) == 2 else None
+
+
+def without_data_set(cell: str) -> str:
+    """A header cell without the name of a data set before a colon, or of a run behind it."""
+    if len(cell) > _MOST_CHARACTERS:
+        return cell
+    for pattern in (_DATA_SET, _RUN):
+        if match := pattern.fullmatch(cell.strip()):
+            cell = match["name"]
+    return cell
 
 
 class Naming:
@@ -151,6 +169,16 @@ class Naming:
         return _WORTH_OF_GUESS if len(guess_of(name)) == 1 else 0.0
 
     def split(self, cell: str) -> tuple[str, str | None]:
+        """Name and unit (None where there is none) of a header cell, without the name of a data set
+        before a name of a quantity.
+        """
+        name, unit = self._parted(cell)
+        inner, unit_of_inner = self._parted(without_data_set(cell))
+        if not self._is_name(name) and (self.by_user(inner) or our_name(inner) in NUMBERS):
+            return inner, unit_of_inner
+        return name, unit
+
+    def _parted(self, cell: str) -> tuple[str, str | None]:
         """Name and unit (None where there is none) of a header cell. Square brackets always hold a
         unit; round ones do behind a name of a column, or if a unit is in them; without brackets a
         unit must be one.
@@ -375,7 +403,7 @@ def guess_of(name: str) -> tuple[str, ...]:
     """Names of ours that `name` may mean: one where it says which, both ends where it says the
     quantity only, none where it is no name of an impact's quantity.
     """
-    meanings = [meaning for meaning in _meanings(name) if meaning[0] != "filler"]
+    meanings = [meaning for meaning in _meanings(without_data_set(name)) if meaning[0] != "filler"]
     kinds = dict(meanings)
     usual = "height" if bare_name(name) in _OF_A_DROP else ""
     quantity = kinds.get("quantity", usual)

@@ -15,6 +15,7 @@ from fitball.base.units import symbol_of
 from fitball.data import records
 from fitball.data.cells import TableCells, texts_of
 from fitball.data.records import NUMBER, NameWorth, Record, refusal
+from fitball.data.summaries import summary_fault, sums_up, take_out_last
 
 # The number of a row of data, its line, and its cells.
 _Row: TypeAlias = tuple[int, int, list[str]]
@@ -27,9 +28,26 @@ _PIXELS = ("px", "pixel", "pixels")
 _LEAST_WORTH_AGAIN = 2.0
 # How rows above a header begin that name the parts of each column, with numbers too.
 _LEVELS = ("scorer", "individuals", "bodyparts")
-# How rows begin that sum up a table.
-_SUMMARY = re.compile(
-    r"(mean|average|median|sd|std(\.? ?dev)?|standard deviation|mittel(wert)?)[.:]?",
+# The name of a column of names of rows, which has none in the header.
+ROW_NAMES = "row names"
+# A line that is a factor of all numbers: `1.0e+03 *`, `x 10^3`.
+_FACTOR = re.compile(
+    r"(?P<before>[x×*])?\s*(?:1(?:[.,]0*)?[ed](?P<exponent>[+-]?\d{1,2})"
+    r"|10\s*(?:(?:\^|\*\*)\s*(?P<power>[+-]?\d{1,2})|(?P<raised>[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2})))"
+    r"\s*(?P<behind>[x×*])?",
+    re.IGNORECASE,
+)
+# Digits above the line as others.
+_PLAIN_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+# A larger factor is none.
+_LARGEST_FACTOR = 1e20
+# A number of a row.
+_WHOLE_NUMBER = re.compile(r"[0-9]{1,9}")
+# Rows that are numbered one by one are no decimal fractions by chance.
+_LEAST_COUNTED = 5
+# Names of columns of remarks.
+_REMARKS = re.compile(
+    r"(?:comment|remark|note|bemerkung|kommentar|commentaire|remarque|observaci[oó]n)(?:s|en|es)?",
     re.IGNORECASE,
 )
 # A row of so many numbers above the header is one of data.
@@ -99,14 +117,22 @@ def cells_of_records(
             "only blank and comment lines were read; expected a header line and at least two rows"
         )
         raise refusal(source, "empty", words)
-    _note_above(source, head[:at], notes)
+    factor = _factor_above(source, head[:at], notes)
     line, header = head[at]
     first_name = header[0].lstrip("# ") or header[0] or name_of_index
     names = [first_name, *header[1:]]
     records.check_shape(source, 1, len(names))
-    below = chain(head[at + 1 :], filled)
-    data = (record for record in below if not records.is_comment(record[1]))
+    below = [cells for _, cells in head[at + 1 :] if not records.is_comment(cells)]
+    if _begin_with_names(below, header):
+        names = [name_of_index or ROW_NAMES, *names]
+        words = f"rows have one cell more than the header: the first is read as '{names[0]}'"
+        notes.append(Note("row-names", words))
+    rest = chain(head[at + 1 :], filled)
+    data = (record for record in rest if not records.is_comment(record[1]))
     first = _first_of_data(data, name_worth, notes)
+    if first and _factor_of(first[0][1]):
+        factor = _noted_factor(first[0], notes)
+        first = [*islice(data, 1)]
     with_units = None
     if first:
         _, cells_below = first[0]
@@ -119,8 +145,11 @@ def cells_of_records(
     no_rows = np.empty(0, np.int64)
     cells = TableCells(source, sha256, names[:width], [], no_rows, None, line, notes)
     blank = [""] * width
-    cells.above = [[*record, *blank][:width] for _, record in head[:at]]
-    _fill(cells, _rows_of_data(cells, chain(first, data), header))
+    unnamed = [""] * (len(names) - len(header))
+    cells.above = [[*unnamed, *record, *blank][:width] for _, record in head[:at]]
+    cells.factor = factor
+    _fill(cells, _rows_of_data(cells, chain(first, data), header, len(names)))
+    take_out_last(cells)
     return without_nameless(cells)
 
 
@@ -140,11 +169,17 @@ def _first_of_data(
     return []
 
 
-def _note_above(source: str, above: Sequence[Record], notes: list[Note]) -> None:
-    """Note titles above the header. Raises InputError (`above-header`) for rows of numbers."""
+def _factor_above(source: str, above: Sequence[Record], notes: list[Note]) -> float:
+    """The factor of all numbers that is written above the header, 1 without one; titles are noted.
+    Raises InputError (`above-header`) for rows of numbers.
+    """
+    factor = 1.0
     titles = []
     for line, cells in above:
         if records.is_comment(cells):
+            continue
+        if _factor_of(cells):
+            factor = _noted_factor((line, cells), notes)
             continue
         numeric = [cell for cell in cells if NUMBER.fullmatch(cell)]
         if len(numeric) >= _LEAST_NUMBERS_OF_DATA and cells[0] not in _LEVELS:
@@ -159,6 +194,51 @@ def _note_above(source: str, above: Sequence[Record], notes: list[Note]) -> None
     if titles:
         words = f"ignored above the header: {listed(map(repr, titles), most=_NAMED_TITLES)}"
         notes.append(Note("above-header", words))
+    return factor
+
+
+def _factor_of(cells: Sequence[str]) -> float | None:
+    """The factor that a line states for all numbers, as Matlab and Octave write it: `1.0e+03 *`;
+    None for any other line.
+    """
+    match = _FACTOR.fullmatch(" ".join(filter(None, cells)))
+    if match is None or not (match["before"] or match["behind"]):
+        return None
+    exponent = match["exponent"] or match["power"] or match["raised"]
+    factor = 10.0 ** int(exponent.translate(_PLAIN_DIGITS))
+    return factor if 0.0 < factor < _LARGEST_FACTOR else None
+
+
+def _noted_factor(record: Record, notes: list[Note]) -> float:
+    """The factor in this line, which is noted."""
+    line, cells = record
+    factor = _factor_of(cells) or 1.0
+    words = f"all numbers were multiplied by {factor:g}, as line {line} says"
+    notes.append(Note("factor", words))
+    return factor
+
+
+def _begin_with_names(rows: Sequence[Sequence[str]], header: Sequence[str]) -> bool:
+    """Whether all rows begin with their name, without a name of the column in the header, as R
+    writes tables: each has one cell more than the header, and the first cells are words, or whole
+    numbers that grow, each once.
+
+    A comma between cells may be a decimal sign instead: then no number has a point.
+    """
+    names = [cells[0] for cells in rows if cells != header]
+    is_wider = [len(cells) == len(header) + 1 and cells[-1] for cells in rows if cells != header]
+    if not names or not all(is_wider) or len({*names}) < len(names) or not all(names):
+        return False
+    if any(map(_WHOLE_NUMBER.fullmatch, names)):
+        if not all(map(_WHOLE_NUMBER.fullmatch, names)):
+            return False
+        indices = [int(name) for name in names]
+        if indices != sorted(indices):
+            return False
+        has_points = any("." in cell for cells in rows for cell in cells[1:])
+        counts = indices == [*range(indices[0], indices[0] + len(indices))]
+        return has_points or (counts and len(names) >= _LEAST_COUNTED)
+    return not any(map(NUMBER.fullmatch, names))
 
 
 def _fill(cells: TableCells, rows: Iterator[_Row]) -> None:
@@ -188,9 +268,15 @@ def _rows_of_data(
     cells: TableCells,
     data: Iterator[Record],
     header: list[str],
+    most: int,
 ) -> Iterator[_Row]:
-    """The rows that are as long as the header; others are faults."""
+    """The rows that are as long as the header; others, and those with cells behind the first `most`
+    are faults. Cells for remarks, the last ones, may be left out.
+    """
     width = len(cells.names)
+    least = width
+    while least > 1 and _REMARKS.fullmatch(cells.names[least - 1]):
+        least -= 1
     number = 0
     for line, row in data:
         if row == header:
@@ -198,15 +284,19 @@ def _rows_of_data(
             continue
         number += 1
         first = next(filter(None, row))
-        if _SUMMARY.fullmatch(first):
-            words = (
-                f"begins with '{first}', as a row that sums up a table; expected impacts: delete it"
-            )
-            cells.add(Fault("summary-row", words, number, line))
-        elif len(row) < width or any(row[len(header) :]):
+        if sums_up(first):
+            cells.add(summary_fault(first, number, line))
+        elif len(row) < least or any(row[most:]):
             words = f"read {len(row)} cells, expected {width} as in the header"
-            if len(row) > width:
-                words += "; if commas separate cells and decimals too, write decimal points"
-            cells.add(Fault("row-length", words, number, line))
+            cells.add(Fault("row-length", f"{words}{_why_longer(row, width)}", number, line))
         else:
-            yield number, line, row
+            yield number, line, row + [""] * (width - len(row))
+
+
+def _why_longer(row: Sequence[str], width: int) -> str:
+    """What may be the cause where a row has more cells than the header, which has this `width`."""
+    if len(row) == width + 1:
+        return "; if a cell of the header is missing, such as that of names of rows, add it"
+    if len(row) > width and not any("." in cell for cell in row):
+        return "; if commas separate cells and decimals too, write decimal points"
+    return ""

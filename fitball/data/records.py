@@ -77,6 +77,11 @@ def is_comment(cells: Sequence[str]) -> bool:
     return first.startswith("#") and len(first) > 1 and not FORMULA_ERROR.match(first)
 
 
+def is_wider_by_blanks(cells: Sequence[str], width: int) -> bool:
+    """Whether a row has more cells than a header of this `width`, the others all empty."""
+    return len(cells) > width and not any(cells[width:])
+
+
 def find_header(records: Sequence[Record], name_worth: NameWorth) -> tuple[int, float]:
     """The header among records: its index, and what its names are worth in all.
 

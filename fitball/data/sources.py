@@ -16,6 +16,7 @@ from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 from fitball.data import records
 from fitball.data.cells import CellArray, TableCells, texts_of
+from fitball.data.foreign import refuse_foreign
 from fitball.data.layout import cells_of_records, without_nameless
 from fitball.data.records import NameWorth, cell_text, refusal
 from fitball.data.texts import text_records
@@ -60,7 +61,7 @@ def read_cells(
     Raises:
         InputError: The source cannot be taken apart (`not-found`, `empty`, `too-large`, `encoding`,
             `quotes`, `above-header`, `not-a-workbook`, `no-sheet`, `several-sheets`,
-            `not-parquet`, `no-pyarrow`, `not-a-table`).
+            `not-parquet`, `no-pyarrow`, `not-a-table`, `other-format`, `several-tables`).
     """
     if isinstance(source, Mapping) or hasattr(source, "iloc"):
         return _cells_of_frame(name or type(source).__name__, source, name_of_index)
@@ -73,6 +74,8 @@ def read_cells(
     if sheet and suffix not in WORKBOOKS:
         words = f"'#{sheet}' names a sheet, which {suffix[1:] or 'text'} has not; leave it out"
         raise refusal(str(source), "no-sheet", words)
+    if suffix not in (*PARQUET, *WORKBOOKS):
+        refuse_foreign(path, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if suffix in PARQUET:
         return _cells_of_frame(path, _parquet(path, data), name_of_index, sha256)

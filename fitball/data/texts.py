@@ -1,4 +1,4 @@
-"""The bytes of a text -> records of cells: encodings, separators."""
+"""The bytes of a text -> records of cells: encodings, separators, headers of measuring programs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import codecs
 import csv
 import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 
 from fitball.base.errors import Note
@@ -16,6 +16,8 @@ from fitball.data.records import (
     NameWorth,
     Record,
     find_header,
+    is_comment,
+    is_wider_by_blanks,
     refusal,
     too_large,
 )
@@ -34,8 +36,22 @@ _ZERO_SHARE = 0.2
 _WESTERN = {*range(0xC0, 0x100), *"\u00a0§°±²³µ·¹\u2013—\u2018\u2019“”ŠšŽžŒœŸ".encode("cp1252")}
 # A letter of UTF-8 beyond ASCII.
 _UTF8_LETTER = re.compile(rb"[\xc3-\xf4][\x80-\xbf]|\xc2[\x80-\xbf]")
-# Separators of cells.
-_SEPARATORS = ",;\t| "
+# Stands for two blanks or more, which separate names of several words: no text has it.
+_WIDE = "\ue001"
+# Separators of cells; of those that fit equally well the first counts.
+_SEPARATORS = (",", ";", "\t", "|", " ", _WIDE)
+# Two blanks or more, or tabs.
+_WIDE_BLANKS = re.compile(r"[ \t]{2,}|\t")
+# A header of fewer cells shows no separator.
+_LEAST_CELLS = 2
+# Share of the rows that must have as many cells as the header.
+_LEAST_FITTING = 0.5
+# A line that ends the header of a measuring program: LabVIEW, OpenSim.
+_END_OF_HEADER = re.compile(r"[\W_]*end[ _]?(?:of[ _]?)?header[\W_]*", re.IGNORECASE)
+# How a file of measurements of LabVIEW begins. It has a header, and one more above each segment.
+_LABVIEW = "LabVIEW Measurement"
+# Ctrl-Z, by which DOS ended a text, and what filled the rest of its last block.
+_PADDING = b"\x1a\0\r\n\t "
 # Between spaces a unit in brackets stays with its name. A run of blanks is looked at once, from its
 # start: a line may be all blanks.
 _BRACKET = re.compile(r"(?<![ \t])[ \t]*+([\[({][^\[\](){}]*[\])}])")
@@ -56,18 +72,79 @@ def text_records(
             read).
     """
     codec = _codec(source, data, notes)
+    data = _without_end_mark(data, codec)
     name_worth = cache(name_worth)
-    sample = _sample(_text_lines(source, data, codec))
+    skipped = _lines_of_program(source, data, codec, notes)
+    sample = _sample(_table_lines(source, data, codec, skipped))
 
-    def fitness(separator: str) -> tuple[float, float, int]:
+    def fitness(separator: str) -> tuple[bool, float, float, int]:
         records = [*_records(source, sample, separator, strict=False)]
         header, worth = find_header(records[:HEADER_RECORDS], name_worth)
-        widths = [len(cells) for _, cells in records[header:]] or [0]
-        share = widths.count(widths[0]) / len(widths)
-        return worth, share, 0 if separator == " " else widths[0]
+        fitting = _share_of_header(records[header:])
+        width = 0
+        if separator.strip() and separator != _WIDE and records:
+            width = len(records[header][1])
+        return fitting > _LEAST_FITTING, worth, fitting, width
 
     best = max(_SEPARATORS, key=fitness)
-    return _records(source, _text_lines(source, data, codec), best, strict=True)
+    lines = _table_lines(source, data, codec, skipped)
+    return _records(source, lines, best, strict=True)
+
+
+def _share_of_header(records: Sequence[Record]) -> float:
+    """Share of the records below the first, the header, that have a cell for each of its names;
+    rows that all have one cell more begin with names of rows. 0 for a header of one name.
+    """
+    if not records or len(records[0][1]) < _LEAST_CELLS:
+        return 0.0
+    width = len(records[0][1])
+    rows = [cells for _, cells in records[1:] if not is_comment(cells)]
+    if not rows:
+        return 0.0
+    fitting = [len(cells) == width or is_wider_by_blanks(cells, width) for cells in rows]
+    named = [len(cells) == width + 1 for cells in rows]
+    return 1.0 if all(named) else sum(fitting) / len(rows)
+
+
+def _without_end_mark(data: bytes, codec: str) -> bytes:
+    """The bytes of a text without the Ctrl-Z behind it."""
+    text = data.rstrip(_PADDING)
+    if b"\x1a" not in data[len(text) :]:
+        return data
+    end = data.index(b"\x1a", len(text))
+    if codec.startswith("utf-16"):
+        # Half a letter before the mark belongs to it.
+        end -= end % 2
+    return data[:end]
+
+
+def _lines_of_program(source: str, data: bytes, codec: str, notes: list[Note]) -> int:
+    """Lines of headers that a measuring program writes above the table, which are noted. Raises
+    InputError (`several-tables`) for a file of several segments.
+    """
+    sample = _sample(_text_lines(source, data, codec))
+    ends = [k + 1 for k, line in enumerate(sample) if _END_OF_HEADER.fullmatch(line.strip())]
+    if not ends:
+        return 0
+    if sample[0].startswith(_LABVIEW):
+        lines = _text_lines(source, data, codec)
+        ends = [k for k, line in enumerate(lines, 1) if _END_OF_HEADER.fullmatch(line.strip())]
+        segments = len(ends) - 1
+        if segments > 1:
+            words = (
+                f"{segments} segments of measurements, the second from here; expected one: save "
+                "each as a file, with the header above it"
+            )
+            raise refusal(source, "several-tables", words, ends[2])
+    words = f"ignored above the header: lines 1 to {ends[-1]}, the header of a program"
+    notes.append(Note("above-header", words))
+    return ends[-1]
+
+
+def _table_lines(source: str, data: bytes, codec: str, skipped: int) -> Iterator[str]:
+    """The lines of a text, the first `skipped` of them empty. Raises what `_text_lines` raises."""
+    for number, line in enumerate(_text_lines(source, data, codec), 1):
+        yield "\n" if number <= skipped else line
 
 
 def _sample(lines: Iterator[str]) -> list[str]:
@@ -169,7 +246,7 @@ def _records(source: str, lines: Iterable[str], separator: str, strict: bool) ->
             size += len(line)
             if size > _MOST_CHARACTERS:
                 raise csv.Error(f"more than {_MOST_CHARACTERS:,} characters")
-            yield _with_single_blanks(line) if separator == " " else line
+            yield _separated(line, separator)
 
     rows = csv.reader(lines_of_records(), delimiter=separator, skipinitialspace=True, strict=strict)
     try:
@@ -187,6 +264,15 @@ def _records(source: str, lines: Iterable[str], separator: str, strict: bool) ->
             "around whole cells"
         )
         raise refusal(source, "quotes", words, start) from None
+
+
+def _separated(line: str, separator: str) -> str:
+    """A line with a single sign between cells where blanks separate them."""
+    if separator == " ":
+        return _with_single_blanks(line)
+    if separator == _WIDE:
+        return _WIDE_BLANKS.sub(_WIDE, line.strip())
+    return line
 
 
 def _with_single_blanks(line: str) -> str:

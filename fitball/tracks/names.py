@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import one_line
 from fitball.base.units import symbol_of
-from fitball.data.header import Naming, bare_name
+from fitball.data.header import Naming, bare_name, without_data_set
 
 # Columns of the long table with their SI units (`text` of labels), and other names that people and
 # programs give them.
 POSITION_COLUMNS: Mapping[str, tuple[str, str]] = {
     "id": ("text", "track trackid object objectid shot trial impact particle clip name"),
     "session": ("text", "camera cam"),
-    "t": ("s", "time times timestamp timestamps seconds zeit temps"),
+    "t": ("s", "time times timestamp timestamps seconds zeit temps xvalue"),
     "frame": ("", "frames frameno framenumber frameindex image bild"),
     "x": ("m", "posx xpos positionx cx xc centerx centrex ballx"),
     "y": ("m", "posy ypos positiony cy yc centery centrey bally"),
@@ -81,7 +81,9 @@ class FilmNaming:
         by_cell = self.theirs.get(cell.strip().casefold())
         by_user = by_cell or self.theirs.get(name.casefold())
         if by_user is None:
-            return _OUR_NAMES.get(bare_name(name)), unit
+            ours = _OUR_NAMES.get(bare_name(name))
+            inner = without_data_set(cell)
+            return (ours, unit) if ours or inner == cell else self.read(inner)
         ours, stated = by_user
         return ours, unit or stated
 
