@@ -51,6 +51,47 @@ def test_without_air_speeds_are_those_of_free_fall():
     assert air.launch_speed(1.0, 1e-3) ** 2 == pytest.approx(2.0 * GRAVITY * (1 + 5e-4), rel=1e-6)
 
 
+def flown(speed, braking):
+    """Time and landing speed of a ball thrown up at a speed, by dv/dt = -g - s |v| v/2."""
+
+    def slope(_, state):
+        return [state[1], -GRAVITY - 0.5 * braking * abs(state[1]) * state[1]]
+
+    def lands(_, state):
+        return state[0]
+
+    lands.terminal = True
+    lands.direction = -1.0
+    flight = solve_ivp(slope, (0.0, 20.0), [0.0, speed], events=lands, rtol=1e-11, atol=1e-13)
+    return flight.t_events[0][-1], -flight.y_events[0][-1, 1]
+
+
+@pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS])
+@pytest.mark.parametrize("speed", [0.5, 2.7, 7.0, 25.0])
+def test_flights_are_those_of_an_integration(speed, braking):
+    time, landing = flown(speed, braking)
+    assert air.flight_time(speed, braking) == pytest.approx(time, rel=1e-8)
+    assert air.landing_of_launch(speed, braking) == pytest.approx(landing, rel=1e-8)
+    assert air.launch_of_flight(time, braking) == pytest.approx(speed, rel=1e-8)
+    assert air.launch_of_landing(landing, braking) == pytest.approx(speed, rel=1e-7)
+
+
+def test_flights_agree_with_heights():
+    """A flight is a rise to a height and a fall from there."""
+    speeds = np.array([1.0, 5.0, 15.0])
+    tops = air.rebound_height(speeds, TABLE_TENNIS)
+    landing = air.landing_speed(tops, TABLE_TENNIS)
+    assert air.landing_of_launch(speeds, TABLE_TENNIS) == pytest.approx(landing, rel=1e-12)
+
+
+@pytest.mark.parametrize("time", [0.01, 0.5, 3.0, 6.0])
+def test_speeds_of_flights_are_inverse(time):
+    for braking in (TENNIS, TABLE_TENNIS, 1e-9):
+        speed = air.launch_of_flight(time, braking)
+        assert air.flight_time(speed, braking) == pytest.approx(time, rel=1e-12)
+    assert air.launch_of_flight(time, 1e-9) == pytest.approx(0.5 * GRAVITY * time, rel=1e-6)
+
+
 def test_no_ball_lands_faster_than_it_can_fall():
     terminal = np.sqrt(2.0 * GRAVITY / TABLE_TENNIS)
     assert air.landing_speed(50.0, TABLE_TENNIS) == pytest.approx(terminal, rel=1e-3)

@@ -4,6 +4,10 @@ With the terminal speed V, V^2 = 2 m g/(rho C_d pi R^2), a ball that falls from 
 lands at v, v^2 = V^2 (1 - exp(-2 g h/V^2)); one that leaves the ground at v rises to r, v^2 = V^2
 (exp(2 g r/V^2) - 1). Both follow from v dv/dh = g - g v^2/V^2, or + on the way up. Here s = 2 g/V^2
 = C_d rho pi R^2/m [1/m] is the `braking`; for s -> 0 both are v^2 = 2 g h.
+
+A ball that leaves the ground at v with u = v/V is up for a time arctan(u) V/g and falls for a time
+arsinh(u) V/g, by dv/dt = -g -+ g v^2/V^2; it lands at v/sqrt(1 + u^2). For s -> 0 the time of the
+flight is 2 v/g.
 """
 
 from __future__ import annotations
@@ -26,6 +30,9 @@ _ZERO_CELSIUS = 273.15
 _USUAL_TEMPERATURE = 20.0
 # Pressure at sea level [Pa], where only the temperature is stated.
 _USUAL_PRESSURE = 101_325.0
+# Steps by which Newton's method finds a speed from a time: enough for all digits of a flight of
+# 6 s, be it of a table tennis ball.
+_STEPS = 8
 # Density of the air [kg/m^3] where nothing is stated: dry air at 20 degrees and sea level.
 _USUAL_DENSITY = 1.2
 
@@ -87,3 +94,58 @@ def rebound_height(speed: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray
     """
     s = np.asarray(braking, dtype=np.float64)
     return np.asarray(np.log1p(s * np.square(speed) / (2.0 * GRAVITY)) / s)
+
+
+def flight_time(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Time [s] from leaving the ground at a speed [m/s] until the ball is back on it; shapes
+    broadcast.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    u = np.asarray(speed) * np.sqrt(s / (2.0 * GRAVITY))
+    return np.asarray(np.sqrt(2.0 / (GRAVITY * s)) * (np.arctan(u) + np.arcsinh(u)))
+
+
+def launch_of_flight(time: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a ball leaves the ground that is back on it after a time [s]; shapes
+    broadcast. No formula has it: arctan(u) + arsinh(u) = t g/V is solved by Newton's method, which
+    comes to the solution from below, since the left side grows ever more slowly.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    wanted = np.asarray(time) * np.sqrt(0.5 * GRAVITY * s)
+    u = 0.5 * wanted
+    for _ in range(_STEPS):
+        left = np.arctan(u) + np.arcsinh(u)
+        slope = 1.0 / (1.0 + u**2) + 1.0 / np.sqrt(1.0 + u**2)
+        u = u + (wanted - left) / slope
+    return np.asarray(u * np.sqrt(2.0 * GRAVITY / s))
+
+
+def landing_of_launch(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a ball lands that left the ground at a speed [m/s]; shapes broadcast."""
+    s = np.asarray(braking, dtype=np.float64)
+    v = np.asarray(speed)
+    return np.asarray(v / np.sqrt(1.0 + s * v**2 / (2.0 * GRAVITY)))
+
+
+def launch_of_landing(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a ball left the ground that lands at a speed [m/s], below the terminal
+    one; shapes broadcast.
+    """
+    s = np.asarray(braking, dtype=np.float64)
+    v = np.asarray(speed)
+    return np.asarray(v / np.sqrt(1.0 - s * v**2 / (2.0 * GRAVITY)))
+
+
+def landing_of_same_time(speed: ArrayLike, usual: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Landing speed [m/s] with a `braking` of a flight that lasts as long as one that lands at a
+    speed [m/s] with the `usual` braking; shapes broadcast.
+    """
+    time = flight_time(launch_of_landing(speed, usual), usual)
+    return landing_of_launch(launch_of_flight(time, braking), braking)
+
+
+def launch_of_same_time(speed: ArrayLike, usual: ArrayLike, braking: ArrayLike) -> FloatArray:
+    """Speed [m/s] at which a flight with a `braking` starts that lasts as long as one that starts
+    at a speed [m/s] with the `usual` braking; shapes broadcast.
+    """
+    return launch_of_flight(flight_time(speed, usual), braking)

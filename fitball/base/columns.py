@@ -35,6 +35,15 @@ REBOUND = (
 # What laboratories write instead of speeds of a drop test; a table has the speeds.
 SPEED_OF_HEIGHT = {"drop_height": "v_y1", "rebound_height": "v_y2"}
 HEIGHTS = tuple(SPEED_OF_HEIGHT)
+# Flights from one bounce to the next, before and after the impact; a table has the speeds.
+SPEED_OF_FLIGHT = {"flight_time_1": "v_y1", "flight_time_2": "v_y2"}
+FLIGHTS = tuple(SPEED_OF_FLIGHT)
+# Columns of which each row is one of successive bounces of a ball.
+SERIES = ("bounce_time", "bounce_interval", "peak_height")
+# What stands for a rebound speed beside an incident one.
+RATIOS = ("cor", "height_ratio")
+# Columns that become velocities, of names that people also give to labels and results.
+OTHER_FORMS = (*FLIGHTS, *SERIES, *RATIOS, "surface_speed")
 # The components of the velocity at the ends of the bounce, "1" incident and "2" rebound.
 COMPONENTS: Mapping[str, tuple[str, str]] = {"1": ("v_x1", "v_y1"), "2": ("v_x2", "v_y2")}
 
@@ -88,6 +97,12 @@ _SPIN = (-1e5, 1e5)
 _TIME = (1e-4, 0.1)
 # Drops from a millimetre to a fall at 31 m/s.
 _HEIGHT = (1e-3, 50.0)
+# From a bounce of a tenth of a millimetre to one of 31 m.
+_FLIGHT = (0.01, 5.0)
+# Seconds of a day and more, from any zero.
+_MOMENT = (-1e6, 1e6)
+# A ball that leaves half as fast again as it came was hit, or the number is in percent.
+_RATIO = (0.0, 1.5)
 # Between its flights a ball moves less than in a tenth of a second at the largest speeds,
 _PATH = (-10.0, 10.0)
 # and turns less than in that time at any spin that was measured.
@@ -278,6 +293,21 @@ _ALL = (
     ),
     Column("drop_height", "m", "drop height", r"$h_1$", _HEIGHT),
     Column("rebound_height", "m", "rebound height", r"$h_2$", _HEIGHT),
+    Column("flight_time_1", "s", "time of the flight before the impact", r"$T_1$", _FLIGHT),
+    Column("flight_time_2", "s", "time of the flight after the impact", r"$T_2$", _FLIGHT),
+    Column("bounce_time", "s", "moment of one of successive bounces", "$t$", _MOMENT),
+    Column("bounce_interval", "s", "time from a bounce to the next", "$T$", _FLIGHT),
+    Column("peak_height", "m", "greatest height after a bounce", "$h$", _HEIGHT),
+    Column("cor", "", "coefficient of restitution", "$e$", _RATIO),
+    Column("height_ratio", "", "rebound height over drop height", "$h_2/h_1$", _RATIO),
+    Column(
+        "surface_speed",
+        "m/s",
+        "speed of the surface towards the ball",
+        "$v_s$",
+        _ALONG,
+        opposite="negated",
+    ),
 )
 COLUMNS: Mapping[str, Column] = {column.name: column for column in _ALL}
 

@@ -25,6 +25,8 @@ CellArray: TypeAlias = NDArray[Any]
 
 # Faults of a table that are listed: more are seldom read, and take memory.
 _MOST_FAULTS = 10_000
+# A number, be it of another dialect, or with more behind it.
+_BEGINS_AS_NUMBER = re.compile(r"[+\-\u2212\u2013]?[.,]?[0-9]")
 
 
 @dataclass
@@ -59,6 +61,13 @@ class TableCells:
         if column.dtype.kind == "T":
             return list(column.tolist())
         return [cell_text(cell) for cell in column.tolist()]
+
+    def has_numbers(self, index: int) -> bool:
+        """Whether any cell of the column of this index begins as a number does."""
+        column = self.columns[index]
+        if column.dtype.kind != "T":
+            return True
+        return any(map(_BEGINS_AS_NUMBER.match, column.tolist()))
 
     def note(self, code: str, text: str) -> None:
         """Add a note on what was assumed."""

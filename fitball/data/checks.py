@@ -12,7 +12,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, COMPONENTS, REBOUND, velocity_columns
+from fitball.base.columns import (
+    COLUMNS,
+    COMPONENTS,
+    FLIGHTS,
+    HEIGHTS,
+    RATIOS,
+    REBOUND,
+    velocity_columns,
+)
 from fitball.base.display_units import PLAIN
 from fitball.base.text import listed
 from fitball.base.units import factor_of
@@ -65,7 +73,10 @@ def missing_columns(
         meant = f': did you mean --columns "{option}"?'
     if incident not in INCIDENCES:
         read = f"read {listed(incident) or 'no incident velocity'}"
-        forms = "v_x1 and v_y1, or v_1 and theta_1, or v_y1 alone for a drop test"
+        forms = (
+            "v_x1 and v_y1, or v_1 and theta_1; of a drop test v_y1 or drop_height; of successive "
+            "bounces bounce_interval, bounce_time or peak_height"
+        )
         cells.fault("no-incident", f"{read}; expected {forms}{meant}")
         meant = ""
     elif incident == ("v_y1",):
@@ -76,8 +87,9 @@ def missing_columns(
                     "if the ball was dropped; a rebound speed straight up is v_y2)"
                 )
                 cells.fault("no-incident-motion", words, name)
-    if rebound and not any(name in present for name in REBOUND):
-        forms = listed(REBOUND, "or", _NAMED_COLUMNS)
+    after = (*REBOUND, HEIGHTS[1], FLIGHTS[1], *RATIOS)
+    if rebound and not any(name in present for name in after):
+        forms = listed(after, "or", _NAMED_COLUMNS)
         cells.fault("no-rebound", f"no rebound column; expected one of {forms}{meant}")
     if "omega_2" in present and "omega_1" not in present:
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")

@@ -15,7 +15,7 @@ from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
-from fitball.base.columns import COLUMNS, HEIGHTS
+from fitball.base.columns import COLUMNS, HEIGHTS, OTHER_FORMS
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 LABELS = ("id", "surface", "ball", "location", "session", "table")
 # Columns of numbers, with those of their sds.
 NUMBERS = tuple(name + suffix for name in COLUMNS for suffix in ("", "_sd"))
+# Those of which a name that is much alike is a slip: `court` is none of `cor`.
+_SLIPPING = tuple(name for name in NUMBERS if name.removesuffix("_sd") not in OTHER_FORMS)
 # A longer cell is no name of ours, and patterns take time with the square of the length.
 _MOST_CHARACTERS = 100
 # What a name that is probably meant counts for where a header is looked for.
@@ -268,10 +270,14 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
 
 def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
     """The cells of a header, taken apart."""
-    titles = []
+    titles = list[_Title]()
     for cell in cells.names:
         name, unit = naming.split(cell)
-        ours = naming.by_user(cell, name) or our_name(name)
+        ours = naming.by_user(cell, name)
+        if ours is None:
+            ours = our_name(name)
+            if ours in OTHER_FORMS and not cells.has_numbers(len(titles)):
+                ours = None
         titles.append(_Title(cell, name, unit, ours))
     if sum(title.ours == "id" for title in titles) > 1:
         # `No.` beside `id` is a column of the user's own.
@@ -354,7 +360,7 @@ def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[st
     if len(guess_of(name)) == 1:
         return
     end = end_of(name)
-    free = [ours for ours in NUMBERS if ours not in taken and end in (None, end_of(ours))]
+    free = [ours for ours in _SLIPPING if ours not in taken and end in (None, end_of(ours))]
     near = get_close_matches(name[:_MOST_CHARACTERS].lower(), free, n=2, cutoff=_LEAST_LIKENESS)
     if near:
         words = f"unknown column; did you mean {listed(map(repr, near), 'or')}?"

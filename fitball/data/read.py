@@ -1,8 +1,8 @@
 """From a source to a table: the whole road, and what every fit begins with.
 
-Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> heights become speeds ->
-contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the way and refused
-together.
+Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> other forms become
+velocities -> contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the
+way and refused together.
 """
 
 import os
@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
-from fitball.base.columns import COLUMNS, INCIDENT, REBOUND
+from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
 from fitball.base.options import Names, texts_of
 from fitball.base.priors import ParameterSpec, parse_prior
@@ -24,8 +24,8 @@ from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, numbers
+from fitball.data.forms import velocities_of_forms
 from fitball.data.header import LABELS, Header, Naming, read_header
-from fitball.data.heights import heights_read, speeds_of_heights
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
@@ -50,19 +50,27 @@ class Reading(TypedDict, total=False):
 
 
 # Columns of a table of impacts that need not be there in a table of incident states.
-_OPTIONAL_COLUMNS = (*LABELS, *REBOUND, *(f"{name}_sd" for name in COLUMNS))
+_OPTIONAL_COLUMNS = (
+    *LABELS,
+    *REBOUND,
+    *RATIOS,
+    *SERIES,
+    HEIGHTS[1],
+    FLIGHTS[1],
+    "surface_speed",
+    *(f"{name}_sd" for name in COLUMNS),
+)
 # Fewest rows that determine the noise of a rebound.
 _LEAST_ROWS = 2
 
 
 class _Numbers(NamedTuple):
-    """Numbers of a file: `columns` in SI, counted as fitball counts; `corr`, correlations by pair;
-    `signs`, -1 for a column whose errors changed their sign.
+    """Numbers of a file: `columns` in SI and `corr`, correlations by pair, counted as fitball
+    counts.
     """
 
     columns: _Columns
     corr: _Columns
-    signs: Mapping[str, float]
 
 
 def load_table(
@@ -110,7 +118,11 @@ def load_table(
         _refuse_covariance_file(cells, source)
     numbers_read = _numbers_of(cells, header, flip, ignore)
     within_limits = checks.limits(cells, numbers_read.columns, header.units)
-    checked = speeds_of_heights(cells, within_limits, scene)
+    names_cor = "cor" in naming.columns
+    forms = velocities_of_forms(
+        cells, header, within_limits, numbers_read.corr, scene, names_cor=names_cor
+    )
+    checked = forms.columns
     _check_physics(cells, header, checked, scene, rebound)
     values = _counting_values(checked)
     rows = _usable_rows(cells, values, rebound)
@@ -122,7 +134,7 @@ def load_table(
         name,
         values={column: array[rows] for column, array in values.items()},
         sd=sds,
-        corr=_correlations(numbers_read, sds, rows),
+        corr=_correlations(forms.corr, sds, rows),
         labels=_labels(cells, header, rows),
         read=(
             {
@@ -132,7 +144,7 @@ def load_table(
                 "flip": ",".join(flip),
                 "ignore": ",".join(ignore),
                 "units": _pairs(units),
-                **heights_read(within_limits, scene),
+                **forms.read,
             },
         ),
     )
@@ -160,7 +172,9 @@ def _numbers_of(
             columns[name] = array
     turned, signs = _turned(cells, columns, flip, header.units)
     checks.deviations(cells, turned)
-    return _Numbers(turned, corr, signs)
+    for pair in corr:
+        corr[pair] = corr[pair] * np.prod([signs.get(name, 1.0) for name in pair.split(",")])
+    return _Numbers(turned, corr)
 
 
 def _check_physics(
@@ -226,14 +240,12 @@ def _sds(values: _Columns, columns: _Columns, rows: IntArray) -> _Columns:
     return sds
 
 
-def _correlations(numbers_read: _Numbers, sds: _Columns, rows: IntArray) -> _Columns:
+def _correlations(stated: _Columns, sds: _Columns, rows: IntArray) -> _Columns:
     """Stated correlations of the usable rows between columns with sds."""
     corr = {}
-    for pair, array in numbers_read.corr.items():
-        names = pair.split(",")
-        if all(name in sds for name in names):
-            sign = np.prod([numbers_read.signs.get(name, 1.0) for name in names])
-            corr[pair] = array[rows] * sign
+    for pair, array in stated.items():
+        if all(name in sds for name in pair.split(",")):
+            corr[pair] = array[rows]
     return corr
 
 

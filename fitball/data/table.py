@@ -35,8 +35,8 @@ class ImpactTable:
     `sd` are stated errors; a column states them in all its measured cells or in none. `corr` are
     stated correlations by pair, "v_x1,gap_time". `labels` are texts by column, `id` first, spelled
     as at their first use. `notices` are notes on what was assumed. `read` says of each file how it
-    was read: source, SHA-256, columns, flip, ignore, units; where there were heights the speeds
-    that they became and the drag coefficient, and of several tables the label `table`.
+    was read: source, SHA-256, columns, flip, ignore, units; where there were heights or flights
+    the speeds that they became and the drag coefficient, and of several tables the label `table`.
 
     Example:
         >>> import fitball
@@ -281,8 +281,10 @@ def join_tables(tables: Sequence[ImpactTable]) -> ImpactTable:
 
 
 def _read_of(table: ImpactTable, entry: Mapping[str, str]) -> Mapping[str, str]:
-    """How a table among several was read: where it had heights, with its label `table`."""
-    return {**entry, "table": table.name} if "heights" in entry else entry
+    """How a table among several was read: where it had heights or flights, with its label
+    `table`.
+    """
+    return {**entry, "table": table.name} if "drag" in entry else entry
 
 
 def _joined_labels(tables: Sequence[ImpactTable]) -> dict[str, tuple[str, ...]]:

@@ -1,6 +1,6 @@
-"""What heights share because the air brakes every ball alike.
+"""What heights, and times of flights, share because the air brakes every ball alike.
 
-Heights become speeds at a usual drag coefficient (`base.air`). If the true one is another, all
+Both become speeds at a usual drag coefficient (`base.air`). If the true one is another, all
 speeds of a table are off together: a ball that was dropped lands a little faster or slower, and one
 that rises to a height left the court slower or faster. So the drag is a parameter of the fit.
 """
@@ -30,42 +30,64 @@ DRAG_SPEC = ParameterSpec(
     "drag coefficient of falls and rises, below 15 m/s",
     r"$C_d$",
 )
+# Speed [m/s] in place of one that no air brakes: below the terminal one of any ball.
+_ANY_SPEED = 1.0
 # The parameters of falls, by name.
 FALL_SPECS: Mapping[str, ParameterSpec] = {DRAG_SPEC.name: DRAG_SPEC}
 
 
 class FallModel(NamedTuple):
-    """Which velocities of a table are heights, read at the `usual` drag coefficient: `dropped` and
-    `risen` say for each impact whether v_y1 and v_y2 are. `braking` [1/m] is that of a drag of one.
+    """Which velocities of a table are heights or times of flights, read at the `usual` drag
+    coefficient: `dropped` and `risen` say for each impact whether v_y1 and v_y2 are heights,
+    `flown_in` and `flown_out` whether they are times. `braking` [1/m] is that of a drag of one.
     """
 
     usual: float
     braking: float
     dropped: Annotated[BoolArray, "impacts"]
     risen: Annotated[BoolArray, "impacts"]
+    flown_in: Annotated[BoolArray, "impacts"]
+    flown_out: Annotated[BoolArray, "impacts"]
 
     def take(self, rows: Annotated[IntArray, "chosen"]) -> FallModel:
         """The model of the impacts with these row numbers alone."""
-        return self._replace(dropped=self.dropped[rows], risen=self.risen[rows])
+        return FallModel(
+            self.usual,
+            self.braking,
+            self.dropped[rows],
+            self.risen[rows],
+            self.flown_in[rows],
+            self.flown_out[rows],
+        )
 
     def true_states(self, values: Values, measured: Impacts) -> Impacts:
-        """True incident states (draws, impacts) of measured ones: the heights are as measured, the
-        drag is that of each draw.
+        """True incident states (draws, impacts) of measured ones: the heights and times are as
+        measured, the drag is that of each draw.
         """
-        if not self.dropped.any():
+        v_y1 = measured.v_y1
+        usual = self.braking * self.usual
+        if self.dropped.any():
+            height = air.drop_height(np.where(self.dropped, v_y1, _ANY_SPEED), usual)
+            v_y1 = np.where(self.dropped, air.landing_speed(height, self._braking(values)), v_y1)
+        if self.flown_in.any():
+            landing = np.where(self.flown_in, v_y1, _ANY_SPEED)
+            again = air.landing_of_same_time(landing, usual, self._braking(values))
+            v_y1 = np.where(self.flown_in, again, v_y1)
+        if v_y1 is measured.v_y1:
             return measured
-        height = air.drop_height(measured.v_y1, self.braking * self.usual)
-        landing = air.landing_speed(height, self._braking(values))
-        v_y1 = np.where(self.dropped, landing, measured.v_y1)
         return Impacts(*np.broadcast_arrays(measured.v_x1, v_y1, measured.omega_1))
 
     def measured_rebounds(self, values: Values, rebound: Rebound) -> Rebound:
-        """Rebounds (draws, impacts) as their heights read at the usual drag."""
-        if not self.risen.any():
-            return rebound
-        height = air.rebound_height(rebound.v_y2, self._braking(values))
-        launch = air.launch_speed(height, self.braking * self.usual)
-        return replace(rebound, v_y2=np.where(self.risen, launch, rebound.v_y2))
+        """Rebounds (draws, impacts) as their heights and times read at the usual drag."""
+        v_y2 = rebound.v_y2
+        usual = self.braking * self.usual
+        if self.risen.any():
+            height = air.rebound_height(v_y2, self._braking(values))
+            v_y2 = np.where(self.risen, air.launch_speed(height, usual), v_y2)
+        if self.flown_out.any():
+            again = air.launch_of_same_time(v_y2, self._braking(values), usual)
+            v_y2 = np.where(self.flown_out, again, v_y2)
+        return rebound if v_y2 is rebound.v_y2 else replace(rebound, v_y2=v_y2)
 
     def _braking(self, values: Values) -> FloatArray:
         """The braking (draws, 1) [1/m] of each draw, the usual one where no drag was fitted."""
@@ -74,17 +96,22 @@ class FallModel(NamedTuple):
 
 
 def fall_of(table: ImpactTable, scene: Scene) -> FallModel | None:
-    """The model of a table's heights; None where it has none. Heights that 3.0.dev0 read stand for
-    speeds without air.
+    """The model of a table's heights and flights; None where it has none. Heights that 3.0.dev0
+    read stand for speeds without air.
     """
-    read = [entry for entry in table.read if "heights" in entry]
+    read = [entry for entry in table.read if "heights" in entry or "flights" in entry]
     if not read:
         return None
     names = np.array(table.labels.get("table", ("",) * len(table)))
-    fallen = {"v_y1": np.zeros(len(table), np.bool_), "v_y2": np.zeros(len(table), np.bool_)}
+    rows = {
+        (kind, speed): np.zeros(len(table), np.bool_)
+        for kind in ("heights", "flights")
+        for speed in ("v_y1", "v_y2")
+    }
     for entry in read:
-        for speed in entry["heights"].split(","):
-            fallen[speed] |= names == entry.get("table", "")
+        for kind, speed in rows:
+            if speed in entry.get(kind, "").split(","):
+                rows[kind, speed] |= names == entry.get("table", "")
     braking = air.braking_per_drag(scene.ball_value(), scene.air)
     usual = float(read[0]["drag"])
-    return FallModel(usual, braking, fallen["v_y1"], fallen["v_y2"])
+    return FallModel(usual, braking, *rows.values())
