@@ -23,6 +23,7 @@ _FORMATS = {
     ".wav": _Format("of sound", "scipy", "scipy.io.wavfile.read(FILE)"),
     ".c3d": _Format("of motion capture", "ezc3d", "ezc3d.c3d(FILE)['data']['points']"),
     ".tif": _Format("of pictures", "tifffile", "tifffile.imread(FILE)"),
+    ".slp": _Format("of SLEAP", "sleap-io", "sleap_io.load_file(FILE).to_dataframe()"),
     ".h5": _Format("of HDF5", "h5py", "h5py.File(FILE); of DeepLabCut: pandas.read_hdf(FILE)"),
     ".npy": _Format("of NumPy", "numpy", "numpy.load(FILE)"),
     ".pkl": _Format("of Python", "pandas", "pandas.read_pickle(FILE), if you trust it"),
@@ -31,6 +32,7 @@ _FORMATS = {
     ".sav": _Format("of SPSS", "pyreadstat", "pandas.read_spss(FILE)"),
     ".dta": _Format("of Stata", "pandas", "pandas.read_stata(FILE)"),
     ".json": _Format("of JSON", "pandas", "pandas.read_json(FILE)"),
+    ".xml": _Format("of XML", "pandas", "pandas.read_xml(FILE); of TrackMate: save spots as CSV"),
     ".numbers": _Format("of Numbers", "numbers-parser", "numbers_parser.Document(FILE)"),
     ".zip": _Format("an archive", "", ""),
     ".pdf": _Format("a page", "", ""),
@@ -40,6 +42,11 @@ _SAME = {
     ".tiff": ".tif",
     ".hdf5": ".h5",
     ".hdf": ".h5",
+    ".nc": ".h5",
+    ".mp3": ".wav",
+    ".png": ".tif",
+    ".jpg": ".tif",
+    ".jpeg": ".tif",
     ".npz": ".npy",
     ".pickle": ".pkl",
     ".rdata": ".rds",
@@ -54,6 +61,7 @@ _SAME = {
 _MAGIC = {
     b"TDSm": ".tdms",
     b"MATLAB 5.0 MAT": ".mat",
+    b"MATLAB 7.3 MAT": ".mat",
     b"\x89HDF\r\n\x1a\n": ".h5",
     b"RIFF": ".wav",
     b"II*\0": ".tif",
@@ -61,9 +69,29 @@ _MAGIC = {
     b"\x93NUMPY": ".npy",
     b"%PDF": ".pdf",
     b"\x1f\x8b": ".zip",
+    b"<?xml": ".xml",
 }
+# Formats of text. Of the others, what is text may be a table, such as those that Matlab saves.
+_TEXTS = (".json", ".xml")
+# Bytes of a file that show whether it is text.
+_FIRST_BYTES = 4096
+# Bytes that no text has: control characters but tabs, ends of lines and pages, and Ctrl-Z.
+_CONTROLS = {*range(32)} - {*b"\t\n\r\f\x1a"}
+# Endings of films and of projects about films, which people have beside their positions.
+_FILMS = "mp4 mov avi mkv m4v wmv webm mts m2ts mpg mpeg cine gif trk trz kva 3gp flv"
 # First bytes of a workbook, a zip archive or one of the older kind, and of Parquet.
 _OURS = {b"PK\x03\x04": ".xlsx", b"\xd0\xcf\x11\xe0": ".xls", b"PAR1": ".parquet"}
+
+
+def refuse_film(path: str) -> None:
+    """Refuse a film by the ending of its name: it is not read, since it may be large.
+
+    Raises:
+        InputError: The file is a film, or a project about one (`film`).
+    """
+    if Path(path).suffix.lower().removeprefix(".") in _FILMS.split():
+        words = "is a film, no table: open it in Tracker, Kinovea or DLTdv, and export positions"
+        raise refusal(path, "film", words)
 
 
 def refuse_foreign(path: str, data: bytes) -> None:
@@ -74,8 +102,11 @@ def refuse_foreign(path: str, data: bytes) -> None:
     """
     suffix = Path(path).suffix.lower()
     ending = _SAME.get(suffix, suffix)
+    if ending not in _TEXTS and not _CONTROLS.intersection(data[:_FIRST_BYTES]):
+        ending = ""
     for magic, other in _MAGIC.items():
-        if data.startswith(magic):
+        # A project of SLEAP is a file in HDF5, too.
+        if data.startswith(magic) and (other, ending) != (".h5", ".slp"):
             ending = other
     for magic, other in _OURS.items():
         if data.startswith(magic) and ending not in _FORMATS:

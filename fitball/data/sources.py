@@ -16,7 +16,7 @@ from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 from fitball.data import records
 from fitball.data.cells import CellArray, TableCells, texts_of
-from fitball.data.foreign import refuse_foreign
+from fitball.data.foreign import refuse_film, refuse_foreign
 from fitball.data.layout import cells_of_records, without_nameless
 from fitball.data.records import NameWorth, cell_text, refusal
 from fitball.data.texts import text_records
@@ -61,11 +61,13 @@ def read_cells(
     Raises:
         InputError: The source cannot be taken apart (`not-found`, `empty`, `too-large`, `encoding`,
             `quotes`, `above-header`, `not-a-workbook`, `no-sheet`, `several-sheets`,
-            `not-parquet`, `no-pyarrow`, `not-a-table`, `other-format`, `several-tables`).
+            `not-parquet`, `no-pyarrow`, `not-a-table`, `film`, `other-format`,
+            `several-tables`).
     """
     if isinstance(source, Mapping) or hasattr(source, "iloc"):
         return _cells_of_frame(name or type(source).__name__, source, name_of_index)
     path, sheet = file_and_sheet(str(source))
+    refuse_film(path)
     data = _content(str(source), path)
     suffix = Path(path).suffix.lower()
     if not data.strip():
@@ -129,8 +131,9 @@ def _cells_of_frame(
     columns += [_array(frame.iloc[:, k]) for k in range(len(frame.columns))]
     levels = []
     for k, level in enumerate(frame.columns.names):
-        names_of_level = map(cell_text, frame.columns.get_level_values(k))
-        levels.append([*[cell_text(level or "")] * len(index), *names_of_level])
+        name_of_level = "" if level is None else cell_text(level)
+        of_index = [name_of_level] * len(index)
+        levels.append([*of_index, *map(cell_text, frame.columns.get_level_values(k))])
     *above, names = levels
     if not above:
         names[: len(index)] = index

@@ -53,26 +53,6 @@ _LEAST_QUALITY = 0.9
 _LOST_CODES = (-99.0, -999.0, -9999.0, -99999.0)
 # A step in time of fewer than this many usual ones misses no frame.
 _MOST_STEPS_APART = 1.5
-# Endings of films and projects, which people have beside their positions and pass by mistake.
-_ENDINGS_OF_FILMS = frozenset(
-    [
-        "mp4",
-        "mov",
-        "avi",
-        "mkv",
-        "m4v",
-        "wmv",
-        "webm",
-        "mts",
-        "mpg",
-        "mpeg",
-        "cine",
-        "gif",
-        "trk",
-        "trz",
-        "kva",
-    ]
-)
 _EXPECTED = (
     "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of "
     "Tracker, Kinovea, DLTdv"
@@ -188,15 +168,12 @@ def read_tracks(
 
 def _file_sheet_and_name(source: TableSource) -> tuple[TableSource, str, str]:
     """The path of a film with its sheet, or a table in memory; the sheet alone, "" without; the
-    film's name. Raises InputError (`film`), FolderError (`not-found`).
+    film's name. Raises FolderError (`not-found`).
     """
     if not isinstance(source, str | Path):
         return source, "", str(getattr(source, "attrs", {}).get("name", "positions"))
     file, sheet = file_and_sheet(str(source))
     path = path_of_source(file, "tracks")
-    if path.suffix.lower()[1:] in _ENDINGS_OF_FILMS:
-        words = "is no table of positions: open it in Tracker, Kinovea or DLTdv, and export one"
-        raise InputError(str(path), [Fault("film", words)])
     return (f"{path}#{sheet}" if sheet else path), sheet, path.stem
 
 
