@@ -115,3 +115,30 @@ def test_options_that_name_nothing(tmp_path, reading, code):
     with pytest.raises(ParameterError) as caught:
         fitball.load_table(written(tmp_path, f"{','.join(GOOD)}\n{row}\n{row}\n"), **reading)
     assert caught.value.code == code
+
+
+def test_one_fault_of_many_rows_is_one_fault(tmp_path):
+    """Said once, with the rows; each is still in the frame of faults."""
+    rows = "".join(f"{5 + 0.1 * k:.1f},{9 + 0.1 * k:.1f}\n" for k in range(36))
+    table = written(tmp_path, f"v_y1,v_y2\n{rows}")
+    with pytest.raises(InputError) as caught:
+        fitball.load_table(table)
+    assert [fault.row for fault in caught.value.faults] == [*range(1, 37)]
+    assert "rows 1 to 36 (first: line 2)" in str(caught.value)
+    assert str(caught.value).count("v_y2 exceeds v_y1") == 1
+    checked = fitball.check(table)
+    page = checked.report()
+    assert "1 fault, in 36 rows" in page
+    assert page.count("v_y2 exceeds") == 1
+    assert len(page) < 2000
+    assert len(checked.frames["faults"]) == 36
+
+
+def test_faults_of_two_columns_are_two(tmp_path):
+    table = written(tmp_path, "v_1,theta_1,v_y2\n5,30,2\n-5,300,2\n5,30,2\n-6,400,2\n")
+    with pytest.raises(InputError) as caught:
+        fitball.load_table(table)
+    assert "2 faults, in 2 rows" in str(caught.value)
+    page = fitball.check(table).report()
+    assert "2 faults, in 2 rows" in page
+    assert page.count("2 and 4") == 2

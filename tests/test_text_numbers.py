@@ -124,7 +124,7 @@ def test_all_faults_are_kept_and_their_message_is_bounded():
     assert error.source == "t\\x1b.csv"
     text = str(error)
     assert len(text) < 10_000
-    assert "100,000 faults" in text
+    assert "60 faults, in 100,000 rows" in text
     assert "flip v_x1" in text
     assert "\x1b" not in text
     # Column, rows and line of a kind that repeats.

@@ -91,10 +91,10 @@ class InputError(FitballError):
         self.faults = tuple(faults)
         self.hints = tuple(hints)
         lines = _folded(self.faults)
-        if len(self.faults) == 1:
+        if len(lines) == 1:
             message = f"{self.source}: {lines[0]}"
         else:
-            message = "\n  - ".join([f"{self.source}: {len(self.faults):,} faults", *lines])
+            message = "\n  - ".join([f"{self.source}: {counted_faults(self.faults)}", *lines])
         if self.hints:
             head = "\nOther readings fit the data much better:"
             message += "\n  - ".join([head, *(one_line(hint, 400) for hint in self.hints)])
@@ -104,12 +104,37 @@ class InputError(FitballError):
         return type(self), (self.source, self.faults, self.hints)
 
 
-def _folded(faults: Sequence[Fault]) -> list[str]:
-    """One line for each kind of fault of the rows of a column, and one for each other fault."""
+def kinds_of_faults(faults: Iterable[Fault]) -> list[list[Fault]]:
+    """Faults with those of the same code and column in other rows, in the order of the first of
+    each kind.
+    """
     kinds: dict[object, list[Fault]] = {}
     for k, fault in enumerate(faults):
         kinds.setdefault(k if fault.row is None else (fault.column, fault.code), []).append(fault)
-    lines = [_line(members) for members in kinds.values()]
+    return list(kinds.values())
+
+
+def counted_faults(faults: Sequence[Fault]) -> str:
+    """How many faults there are: one fault of many rows is one, `1 fault, in 36 rows`."""
+    kinds = kinds_of_faults(faults)
+    count = f"{len(kinds):,} fault{'s' * (len(kinds) != 1)}"
+    if len(kinds) == len(faults):
+        return count
+    rows = {fault.row for fault in faults if fault.row is not None}
+    return f"{count}, in {len(rows):,} rows" if len(rows) > 1 else count
+
+
+def rows_of_faults(faults: Iterable[Fault]) -> str:
+    """The rows of faults: `3 to 38` where none is left out, else the first six by number."""
+    rows = [fault.row for fault in faults if fault.row is not None]
+    if len(rows) > _ROWS and rows == [*range(rows[0], rows[0] + len(rows))]:
+        return f"{rows[0]} to {rows[-1]}"
+    return listed(map(str, rows), most=_ROWS)
+
+
+def _folded(faults: Sequence[Fault]) -> list[str]:
+    """One line for each kind of fault."""
+    lines = [_line(members) for members in kinds_of_faults(faults)]
     more = len(lines) - _LINES
     if more > 0:
         return [*lines[:_LINES], f"... and {more:,} more of other columns or kinds"]
@@ -123,8 +148,7 @@ def _line(members: Sequence[Fault]) -> str:
     line = "" if first.line is None else f"line {first.line}"
     where = f"{row} ({line})" if row and line else row + line
     if len(members) > 1:
-        rows = listed((str(member.row) for member in members), most=_ROWS)
-        where = f"rows {rows} (first: {line or row})"
+        where = f"rows {rows_of_faults(members)} (first: {line or row})"
     column = ""
     if first.column is not None:
         kind = "key" if first.code == "scene" else "column"
