@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitball.base.options import File, Names, Pairs, names_of, pairs_of, texts_of
+from fitball.base.options import File, Names, Pairs, names_of, read_pairs, read_texts
 from fitball.verb_types import Drawn, Exported, Fit, Frames, Model, TableSource
 
 
@@ -215,7 +215,7 @@ def simulate(
             "fit-and-values",
         )
     chosen = model_or_none(model) or model_of("two-mass")
-    point = set_of_model(chosen, pairs_of("fix", fix)).values
+    point = set_of_model(chosen, read_pairs("fix", fix)).values
     findings = simulate_point(chosen, point, {}, impact_in_words(impact))
     return Frames(findings, page.PAGE)
 
@@ -274,8 +274,9 @@ def export(
     source = _fit(fit, model) if fit else model_or_none(model)
     if source is None:
         raise ParameterError("expected the folder of a fit, or --model (model=)", "fit-or-model")
-    contents = exported(source, to, level=texts_of("level", level), fix=pairs_of("fix", fix), at=at)
-    return Exported(contents)
+    levels = read_texts("level", level)
+    values = read_pairs("fix", fix)
+    return Exported(exported(source, to, level=levels, fix=values, at=at))
 
 
 def load_fit(place: File, model: Model | str = "") -> Fit:

@@ -22,6 +22,10 @@ from fitball.base.text import one_line
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+# The page of a result. Of all but fits it is written last, and says that the result is complete.
+REPORT_FILE = "report.html"
+# The record of a fit, which is written last.
+FIT_FILE = "fit.json"
 # A folder has this file while a run holds it.
 _LOCK = ".fitball.lock"
 # What fitball wrote into a folder, so that no file of an older result is taken for one of the next.

@@ -50,7 +50,7 @@ def _are_texts(names: object) -> bool:
     return isinstance(names, Iterable) and all(isinstance(name, str) for name in names)
 
 
-def pairs_of(option: str, pairs: Mapping[str, _Value] | None) -> dict[str, _Value]:
+def read_pairs(option: str, pairs: Mapping[str, _Value] | None) -> dict[str, _Value]:
     """The values of an option by name, empty without it.
 
     Raises:
@@ -64,7 +64,7 @@ def pairs_of(option: str, pairs: Mapping[str, _Value] | None) -> dict[str, _Valu
     return dict(pairs)
 
 
-def texts_of(option: str, pairs: Mapping[str, str] | None) -> dict[str, str]:
+def read_texts(option: str, pairs: Mapping[str, str] | None) -> dict[str, str]:
     """The texts of an option by name, a number as its text, empty without it.
 
     Raises:
@@ -72,7 +72,7 @@ def texts_of(option: str, pairs: Mapping[str, str] | None) -> dict[str, str]:
             (`pairs`).
     """
     texts = {}
-    values: Mapping[str, object] = pairs_of(option, pairs)
+    values: Mapping[str, object] = read_pairs(option, pairs)
     for name, value in values.items():
         if not isinstance(value, str | Real):
             read = f"read {reprlib.repr(value)} for {name}"

@@ -10,12 +10,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self, TypeAlias
 
 import numpy as np
 
 from fitball.base.coordinates import LOGARITHM, LOGIT, VALUE, Coordinate
 from fitball.base.values import FloatArray
+
+AnyShape: TypeAlias = Annotated[FloatArray, "..."]
+DrawsOfPriors: TypeAlias = Annotated[FloatArray, "draws priors"]
 
 # The widest sd of a logarithm that is knowledge of any kind.
 WIDEST_LOG = 50.0
@@ -95,10 +98,7 @@ class Prior(ABC):
 
     @staticmethod
     @abstractmethod
-    def deviance(
-        q: Annotated[FloatArray, "draws priors"],
-        *constants: Annotated[FloatArray, "priors"],
-    ) -> Annotated[FloatArray, "draws priors"]:
+    def deviance(q: DrawsOfPriors, *constants: Annotated[FloatArray, "priors"]) -> DrawsOfPriors:
         """Twice how far the log density at coordinates lies below its peak, of priors that have the
         same formula with other `constants`.
         """
@@ -106,22 +106,18 @@ class Prior(ABC):
     @staticmethod
     @abstractmethod
     def pull(
-        q: Annotated[FloatArray, "draws priors"],
-        *constants: Annotated[FloatArray, "priors"],
-    ) -> tuple[
-        Annotated[FloatArray, "draws priors"],
-        Annotated[FloatArray, "draws priors"],
-    ]:
+        q: DrawsOfPriors, *constants: Annotated[FloatArray, "priors"]
+    ) -> tuple[DrawsOfPriors, DrawsOfPriors]:
         """Slope and curvature of minus the log density at coordinates. Where the density is not
         log-concave the curvature is that of the normal density that touches it and lies below.
         """
 
     @abstractmethod
-    def cdf(self, q: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def cdf(self, q: AnyShape) -> AnyShape:
         """The share of the density below coordinates, before truncation."""
 
     @abstractmethod
-    def ppf(self, shares: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def ppf(self, shares: AnyShape) -> AnyShape:
         """Coordinates below which shares of the density lie, before truncation."""
 
     @classmethod
@@ -151,15 +147,15 @@ class Prior(ABC):
         """One over the width, zero of a flat density: deviations of a measured value weigh so."""
         return 0.0 if self.flat else 1.0 / self.width
 
-    def coordinate(self, values: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def coordinate(self, values: AnyShape) -> AnyShape:
         """Coordinates of values in SI; `value` is the inverse."""
         return self.coordinate_kind.of(values)
 
-    def value(self, coordinates: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def value(self, coordinates: AnyShape) -> AnyShape:
         """Values in SI of coordinates; `coordinate` is the inverse."""
         return self.coordinate_kind.value(coordinates)
 
-    def stretch(self, values: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def stretch(self, values: AnyShape) -> AnyShape:
         """Derivatives of values in SI with their coordinates."""
         return self.coordinate_kind.stretch(values)
 
@@ -168,9 +164,7 @@ class Prior(ABC):
         """The log density at `location` after truncation, be the place within the bounds or not."""
         return self.peak - math.log(self.mass)
 
-    def log_density(
-        self, coordinates: Annotated[FloatArray, "..."]
-    ) -> Annotated[FloatArray, "..."]:
+    def log_density(self, coordinates: AnyShape) -> AnyShape:
         """The log density, normalised, with respect to the coordinate; -inf outside the bounds."""
         q = np.asarray(coordinates, dtype=np.float64)
         inside = (q >= self.lower) & (q <= self.upper)
@@ -195,16 +189,14 @@ class Prior(ABC):
         low, high = (float(self.cdf(np.asarray(end))) for end in (self.lower, self.upper))
         return low, high
 
-    def quantile(self, shares: Annotated[FloatArray, "..."]) -> Annotated[FloatArray, "..."]:
+    def quantile(self, shares: AnyShape) -> AnyShape:
         """Values in SI below which these shares of the truncated density lie, none beyond its
         limits.
         """
         # The way back from the coordinate may step over a limit by one rounding.
         return np.clip(self.value(self._truncated_ppf(shares)), *self.limits)
 
-    def coordinate_quantile(
-        self, shares: Annotated[FloatArray, "..."]
-    ) -> Annotated[FloatArray, "..."]:
+    def coordinate_quantile(self, shares: AnyShape) -> AnyShape:
         """Coordinates below which these shares of the truncated density lie: draws
         are those of uniform shares.
         """

@@ -19,9 +19,9 @@ from fitball.base.errors import (
     FolderError,
     MachineError,
 )
-from fitball.base.files import ResultFolder
+from fitball.base.files import FIT_FILE, REPORT_FILE, ResultFolder
 from fitball.base.numbers import counted
-from fitball.base.options import pairs_of, texts_of
+from fitball.base.options import read_pairs, read_texts
 from fitball.base.progress import Progress
 from fitball.base.scheduling import as_completed
 from fitball.batches import rows
@@ -39,9 +39,6 @@ from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.results.fit import Fit
 from fitball.saved import files_of_fit
-
-# The page of a fit, whose presence says that all of it was saved.
-PAGE_FILE = "report.html"
 
 
 @dataclass(frozen=True)
@@ -100,9 +97,9 @@ def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
         model = model_of(text)
         if model.source:
             checked["model"] = model
-    checked["fix"] = pairs_of("fix", checked["fix"])
+    checked["fix"] = read_pairs("fix", checked["fix"])
     for name in ("columns", "prior", "pool"):
-        checked[name] = texts_of(name, checked[name])
+        checked[name] = read_texts(name, checked[name])
     if checked["noise"]:
         noise_kind(checked["noise"])
     if checked["scene"] and not isinstance(checked["scene"], Scene):
@@ -156,11 +153,11 @@ def _fitted(task: Task, name: str, source: TableSource) -> Fit:
             "(overwrite=True)"
         )
         raise FolderError(f"{text}, or name another folder", "older-result")
-    if fit is not None and (task.figures is None or (folder_of_table / PAGE_FILE).exists()):
+    if fit is not None and (task.figures is None or (folder_of_table / REPORT_FILE).exists()):
         return fit
     if fit is None:
         fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
-    folder = replace(task.folder.below(name), record=files_of_fit.FIT_FILE)
+    folder = replace(task.folder.below(name), record=FIT_FILE)
     if task.figures is not None:
         fit.save(folder, figures=task.figures)
         return fit
@@ -181,7 +178,7 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         FolderError: no table is finished there (`no-batch`), or a fit is damaged.
         ModelError: a fit was made with a function, which is not this one (`own-model`).
     """
-    names = sorted(record.parent.name for record in folder.glob(f"*/{files_of_fit.FIT_FILE}"))
+    names = sorted(record.parent.name for record in folder.glob(f"*/{FIT_FILE}"))
     if not names:
         text = (
             f"{folder}: no finished table; expected the folder of a batch (to finish one, run "

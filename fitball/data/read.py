@@ -17,7 +17,7 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
-from fitball.base.options import Names, texts_of
+from fitball.base.options import Names, read_texts
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
@@ -105,7 +105,7 @@ def load_table(
     """
     source, name = _located(source)
     scene = _scene(source) if scene is None else scene
-    naming = Naming({**scene.columns, **texts_of("columns", columns)})
+    naming = Naming({**scene.columns, **read_texts("columns", columns)})
     flip = _names((*_names(flip), *_names(scene.measurement.get("flip", ()))))
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
     cells = read_cells(source, naming.worth, name)

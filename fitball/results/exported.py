@@ -59,7 +59,7 @@ class Exported(Result):
         """
         raise ParameterError(f"no figure '{name}': an export has none", "unknown-figure")
 
-    def report(self, **_options: Any) -> str:
+    def report(self, **_options: object) -> str:
         """The text of the files itself.
 
         Raises:
@@ -97,7 +97,7 @@ class Exported(Result):
         return {"files": texts, "notes": [], "exit_code": self.exit_code}
 
     def save(
-        self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: Any
+        self, folder: str | Path | ResultFolder, *, overwrite: bool = False, **_options: object
     ) -> tuple[Path, ...]:
         """Write the files and nothing else, and return their paths.
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, ClassVar, ForwardRef
 
-from fitball.base.options import Names, Pairs, Watch, names_of, texts_of
+from fitball.base.files import FIT_FILE
+from fitball.base.options import Names, Pairs, Watch, names_of, read_texts
 from fitball.data.read import TableSource
 from fitball.inference.fitted import Fitted
 from fitball.report.page import Layout
@@ -30,7 +31,7 @@ class Fit(Fitted, Result):
         ['mu', 'cor_10', 'cor_slope', 'v_x_sd', 'v_y_sd', 'spin_sd']
     """
 
-    record: ClassVar[str] = "fit.json"
+    record: ClassVar[str] = FIT_FILE
 
     def __getstate__(self) -> dict[str, object]:
         # What is stored. The rest is computed again when asked for, and cannot all be pickled.
@@ -102,7 +103,7 @@ class Fit(Fitted, Result):
         else:
             reading = reading_of(self.run.table)
             table = load_table(data, scene=self.run.scene, rebound=False, **reading)
-        return Frames(predict(self, table, texts_of("level", level)), page.PAGE)
+        return Frames(predict(self, table, read_texts("level", level)), page.PAGE)
 
     def plan(
         self,
@@ -137,9 +138,9 @@ class Fit(Fitted, Result):
         from fitball.uses.plan import plan
         from fitball.uses.planned import measured_levels, sensors_of, settings_of, targets_of
 
-        levels = texts_of("level", level)
+        levels = read_texts("level", level)
         targets = targets_of(self, names_of(target), measured_levels(self, levels))
-        sensors = sensors_of(self, None if sensor is None else texts_of("sensor", sensor))
+        sensors = sensors_of(self, None if sensor is None else read_texts("sensor", sensor))
         settings = settings_of(self, {"speed": speed, "angle": angle, "spin": spin}, levels)
         findings = plan(self, targets, settings, sensors, count)
         return Frames(findings, page.PAGE)
@@ -164,7 +165,7 @@ class Fit(Fitted, Result):
         from fitball.report import simulate as page
         from fitball.uses.simulate import simulate_fit
 
-        return Frames(simulate_fit(self, impact, texts_of("level", level)), page.PAGE)
+        return Frames(simulate_fit(self, impact, read_texts("level", level)), page.PAGE)
 
     def compare(
         self,
@@ -222,7 +223,7 @@ class Fit(Fitted, Result):
         """
         from fitball.exports import export
 
-        return Exported(export(self, to, level=texts_of("level", level), fix={}, at=at))
+        return Exported(export(self, to, level=read_texts("level", level), fix={}, at=at))
 
     def to_datatree(self) -> DataTree:
         """Draws, densities, predictions and data as ArviZ takes them.

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from fitball.base.errors import Note, ParameterError, suggestion
-from fitball.base.files import ResultFolder, csv_bytes, result_folder, with_index
+from fitball.base.files import REPORT_FILE, ResultFolder, csv_bytes, result_folder, with_index
 from fitball.base.findings import Findings
 from fitball.base.numbers import counted
 from fitball.base.text import listed
@@ -28,7 +28,7 @@ class Result:
         True
     """
 
-    record: ClassVar[str] = "report.html"
+    record: ClassVar[str] = REPORT_FILE
     notes: tuple[Note, ...]
 
     def __repr__(self) -> str:
@@ -66,6 +66,7 @@ class Result:
 
     @cached_property
     def _report(self) -> Report:
+        """The page of this result, laid out once."""
         return self._layout.report()
 
     def report(self, *, full: bool = True, width: int = 100, colour: bool = False) -> str:
@@ -155,7 +156,7 @@ class Result:
         contents = {name: make() for name, make in self._layout.files().items()}
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
-        contents["report.html"] = to_page(self._report, images, command).encode()
+        contents[REPORT_FILE] = to_page(self._report, images, command).encode()
         folder.clear()
         # Whoever finds the record finds all the rest.
         order = sorted(contents, key=lambda name: name == self.record)
@@ -172,7 +173,7 @@ class Result:
         return {name: image_bytes(self.plot(name)) for name in on_page if name in drawable}
 
 
-def _rows(frame: DataFrame) -> list[dict[str, Any]]:
+def _rows(frame: DataFrame) -> list[dict[str, object]]:
     """Rows as JSON has them, with the index where that has a name."""
     import numpy as np
     import pandas as pd

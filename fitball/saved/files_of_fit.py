@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from fitball.base.errors import FolderError
-from fitball.base.files import json_bytes
+from fitball.base.files import FIT_FILE, json_bytes
 from fitball.base.text import one_line
 from fitball.base.values import FloatArray
 from fitball.inference.fitted import Fitted
@@ -30,8 +30,6 @@ FIT_KIND = "fitball fit"
 # The version of both files that is written and read: another number where an old reader would
 # misread them.
 FORMAT_VERSION = 1
-# The record, which is written last.
-FIT_FILE = "fit.json"
 ARRAYS_FILE = "fit.nc"
 # Most numbers of an array that stands in the record itself, where people can read it.
 MOST_NUMBERS_IN_RECORD = 500

@@ -11,6 +11,7 @@ import msgspec
 
 from fitball.base.display_units import PLAIN
 from fitball.base.errors import Note, ParameterError
+from fitball.base.files import FIT_FILE
 from fitball.base.numbers import percent
 from fitball.base.progress import Progress
 from fitball.base.text import listed
@@ -22,7 +23,6 @@ from fitball.inference.problem.problem import Choices, Problem
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.saved import files_of_fit
-from fitball.saved.files_of_fit import FIT_FILE
 
 
 def stored_fit(source: object) -> Fitted | Path | None:

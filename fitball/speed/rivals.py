@@ -178,7 +178,7 @@ def outgoing(c: FloatArray, z: ContactState) -> tuple[float, float]:
 
 
 @inlined
-def stepped(
+def moved_state(
     z: ContactState,
     h: float,
     weights: tuple[float, ...],
@@ -205,22 +205,22 @@ def step(order: int, c: FloatArray, phase: float, z: ContactState, h: float) -> 
     """
     k1 = rates(c, phase, z)
     if order == 4:
-        k2 = rates(c, phase, stepped(z, h, (0.5,), (k1,)))
-        k3 = rates(c, phase, stepped(z, h, (0.5,), (k2,)))
-        k4 = rates(c, phase, stepped(z, h, (1.0,), (k3,)))
-        return stepped(z, h, RK4_B, (k1, k2, k3, k4))
-    k2 = rates(c, phase, stepped(z, h, A2, (k1,)))
-    k3 = rates(c, phase, stepped(z, h, A3, (k1, k2)))
-    k4 = rates(c, phase, stepped(z, h, A4, (k1, k3)))
-    k5 = rates(c, phase, stepped(z, h, A5, (k1, k3, k4)))
-    k6 = rates(c, phase, stepped(z, h, A6, (k1, k4, k5)))
-    k7 = rates(c, phase, stepped(z, h, A7, (k1, k4, k5, k6)))
-    k8 = rates(c, phase, stepped(z, h, A8, (k1, k4, k5, k6, k7)))
-    k9 = rates(c, phase, stepped(z, h, A9, (k1, k4, k5, k6, k7, k8)))
-    k10 = rates(c, phase, stepped(z, h, A10, (k1, k4, k5, k6, k7, k8, k9)))
-    k11 = rates(c, phase, stepped(z, h, A11, (k1, k4, k5, k6, k7, k8, k9, k10)))
-    k12 = rates(c, phase, stepped(z, h, A12, (k1, k4, k5, k6, k7, k8, k9, k10, k11)))
-    return stepped(z, h, B, (k1, k6, k7, k8, k9, k10, k11, k12))
+        k2 = rates(c, phase, moved_state(z, h, (0.5,), (k1,)))
+        k3 = rates(c, phase, moved_state(z, h, (0.5,), (k2,)))
+        k4 = rates(c, phase, moved_state(z, h, (1.0,), (k3,)))
+        return moved_state(z, h, RK4_B, (k1, k2, k3, k4))
+    k2 = rates(c, phase, moved_state(z, h, A2, (k1,)))
+    k3 = rates(c, phase, moved_state(z, h, A3, (k1, k2)))
+    k4 = rates(c, phase, moved_state(z, h, A4, (k1, k3)))
+    k5 = rates(c, phase, moved_state(z, h, A5, (k1, k3, k4)))
+    k6 = rates(c, phase, moved_state(z, h, A6, (k1, k4, k5)))
+    k7 = rates(c, phase, moved_state(z, h, A7, (k1, k4, k5, k6)))
+    k8 = rates(c, phase, moved_state(z, h, A8, (k1, k4, k5, k6, k7)))
+    k9 = rates(c, phase, moved_state(z, h, A9, (k1, k4, k5, k6, k7, k8)))
+    k10 = rates(c, phase, moved_state(z, h, A10, (k1, k4, k5, k6, k7, k8, k9)))
+    k11 = rates(c, phase, moved_state(z, h, A11, (k1, k4, k5, k6, k7, k8, k9, k10)))
+    k12 = rates(c, phase, moved_state(z, h, A12, (k1, k4, k5, k6, k7, k8, k9, k10, k11)))
+    return moved_state(z, h, B, (k1, k6, k7, k8, k9, k10, k11, k12))
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import FitError, Note, ParameterError, suggestion
-from fitball.base.options import pairs_of, texts_of
+from fitball.base.options import read_pairs, read_texts
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import listed
 from fitball.data.bundled import PUBLISHED, published_prior
@@ -134,9 +134,9 @@ def choices_of(
             text = user_model.text
     choices = Choices(
         model=text,
-        fix=pairs_of("fix", fix),
-        prior=texts_of("prior", prior),
-        pool=texts_of("pool", pool),
+        fix=read_pairs("fix", fix),
+        prior=read_texts("prior", prior),
+        pool=read_texts("pool", pool),
         noise=noise,
     )
     return choices, user_model
