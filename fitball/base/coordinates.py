@@ -25,26 +25,31 @@ class Coordinate:
 
 
 def _same(values: FloatArray) -> FloatArray:
+    """A copy of the values, which are their own coordinates."""
     return np.array(values, dtype=np.float64)
 
 
 def _ones(values: FloatArray) -> FloatArray:
+    """The derivative of values with themselves."""
     return np.ones(np.shape(values))
 
 
 def _logit(values: FloatArray) -> FloatArray:
+    """`ln(x/(1 - x))` of values x between 0 and 1."""
     from scipy.special import logit
 
     return np.asarray(logit(values))
 
 
 def _expit(coordinates: FloatArray) -> FloatArray:
+    """`1/(1 + exp(-q))` of coordinates q, the inverse of the logit."""
     from scipy.special import expit
 
     return np.asarray(expit(coordinates))
 
 
 def _between(values: FloatArray) -> FloatArray:
+    """`x (1 - x)`, the derivative of values x with their logit."""
     return np.asarray(values * (1.0 - np.asarray(values)))
 
 

@@ -61,6 +61,7 @@ def run_in_threads(work: Callable[[int, int], object], size: int, least: int) ->
 
 @functools.cache
 def _pool(count: int) -> ThreadPoolExecutor:
+    """The pool of so many threads, which all kernels share."""
     return ThreadPoolExecutor(count, thread_name_prefix="fitball")
 
 

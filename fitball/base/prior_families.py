@@ -17,7 +17,6 @@ import numpy as np
 from fitball.base.coordinates import LOGARITHM, LOGIT, VALUE, Coordinate
 from fitball.base.values import FloatArray
 
-AnyShape: TypeAlias = Annotated[FloatArray, "..."]
 DrawsOfPriors: TypeAlias = Annotated[FloatArray, "draws priors"]
 
 # The widest sd of a logarithm that is knowledge of any kind.
@@ -113,11 +112,11 @@ class Prior(ABC):
         """
 
     @abstractmethod
-    def cdf(self, q: AnyShape) -> AnyShape:
+    def cdf(self, q: FloatArray) -> FloatArray:
         """The share of the density below coordinates, before truncation."""
 
     @abstractmethod
-    def ppf(self, shares: AnyShape) -> AnyShape:
+    def ppf(self, shares: FloatArray) -> FloatArray:
         """Coordinates below which shares of the density lie, before truncation."""
 
     @classmethod
@@ -147,15 +146,15 @@ class Prior(ABC):
         """One over the width, zero of a flat density: deviations of a measured value weigh so."""
         return 0.0 if self.flat else 1.0 / self.width
 
-    def coordinate(self, values: AnyShape) -> AnyShape:
-        """Coordinates of values in SI; `value` is the inverse."""
+    def coordinate(self, values: FloatArray) -> FloatArray:
+        """Coordinates of values in SI, of any shape; `value` is the inverse."""
         return self.coordinate_kind.of(values)
 
-    def value(self, coordinates: AnyShape) -> AnyShape:
-        """Values in SI of coordinates; `coordinate` is the inverse."""
+    def value(self, coordinates: FloatArray) -> FloatArray:
+        """Values in SI of coordinates, of any shape; `coordinate` is the inverse."""
         return self.coordinate_kind.value(coordinates)
 
-    def stretch(self, values: AnyShape) -> AnyShape:
+    def stretch(self, values: FloatArray) -> FloatArray:
         """Derivatives of values in SI with their coordinates."""
         return self.coordinate_kind.stretch(values)
 
@@ -164,7 +163,9 @@ class Prior(ABC):
         """The log density at `location` after truncation, be the place within the bounds or not."""
         return self.peak - math.log(self.mass)
 
-    def log_density(self, coordinates: AnyShape) -> AnyShape:
+    def log_density(
+        self, coordinates: Annotated[FloatArray, "..."]
+    ) -> Annotated[FloatArray, "..."]:
         """The log density, normalised, with respect to the coordinate; -inf outside the bounds."""
         q = np.asarray(coordinates, dtype=np.float64)
         inside = (q >= self.lower) & (q <= self.upper)
@@ -189,15 +190,15 @@ class Prior(ABC):
         low, high = (float(self.cdf(np.asarray(end))) for end in (self.lower, self.upper))
         return low, high
 
-    def quantile(self, shares: AnyShape) -> AnyShape:
-        """Values in SI below which these shares of the truncated density lie, none beyond its
-        limits.
+    def quantile(self, shares: FloatArray) -> FloatArray:
+        """Values in SI, of any shape, below which these shares of the truncated density lie, none
+        beyond its limits.
         """
         # The way back from the coordinate may step over a limit by one rounding.
         return np.clip(self.value(self._truncated_ppf(shares)), *self.limits)
 
-    def coordinate_quantile(self, shares: AnyShape) -> AnyShape:
-        """Coordinates below which these shares of the truncated density lie: draws
+    def coordinate_quantile(self, shares: FloatArray) -> FloatArray:
+        """Coordinates, of any shape, below which these shares of the truncated density lie: draws
         are those of uniform shares.
         """
         # By the value, whose rounding the draws of a seed have always had.
