@@ -69,6 +69,15 @@ class TableCells:
             return True
         return any(map(_BEGINS_AS_NUMBER.match, column.tolist()))
 
+    def plain_numbers(self, index: int) -> Annotated[FloatArray, "rows"]:
+        """The cells of the column of this index as numbers, with decimal points or commas, NaN
+        where one is none: that is no fault here.
+        """
+        column = self.columns[index]
+        if column.dtype.kind != "T":
+            return column.astype(np.float64)
+        return _floats([_MINUS.sub("-", cell).replace(",", ".") for cell in column.tolist()])
+
     def note(self, code: str, text: str) -> None:
         """Add a note on what was assumed."""
         self.notes.append(Note(code, text))

@@ -157,7 +157,10 @@ def deviations(cells: TableCells, numbers: Columns) -> None:
             cells.fault("sd-without-column", words, name)
             continue
         for k in np.flatnonzero(np.isnan(sds) & ~np.isnan(numbers[base])).tolist():
-            words = f"no sd of {base}; expected one in every measured row or in none"
+            words = (
+                f"no sd of {base}; expected one in every measured row or in none: leave the column "
+                f"out (--ignore {name})"
+            )
             cells.fault("no-sd", words, name, k)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
 from math import nan
@@ -19,6 +19,7 @@ from fitball.base.columns import COLUMNS, HEIGHTS, OTHER_FORMS
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
+from fitball.data.error_columns import ErrorColumns, error_columns, plain_name, says_error
 
 if TYPE_CHECKING:
     from fitball.data.cells import TableCells
@@ -59,7 +60,10 @@ _LEXICON = {
         "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
         "bounced nach nachher aus après apres",
     },
-    "sd": {"_sd": "sd std stdev sigma"},
+    "sd": {
+        "_sd": "sd std stdev sigma err error errors uncertainty unc fehler unsicherheit erreur "
+        "incertitude"
+    },
     "filler": {"": "ball of the mean avg average measured launch"},
 }
 _WORDS = {
@@ -188,9 +192,12 @@ class Naming:
         text = cell.strip()
         if len(text) > _MOST_CHARACTERS or our_name(text):
             return text, None
-        if square := _SQUARE.fullmatch(text):
-            return square["name"], square["unit"]
+        square = _SQUARE.fullmatch(text)
         bracket = _ROUND.fullmatch(text)
+        if any(match and says_error(match["unit"]) for match in (square, bracket)):
+            return text, None
+        if square:
+            return square["name"], square["unit"]
         if bracket and (self._is_name(bracket["name"]) or symbol_of(bracket["unit"])):
             return bracket["name"], bracket["unit"]
         for gap in _GAP.finditer(text):
@@ -212,7 +219,8 @@ class Header:
     """Places among `Cells.columns` by our names: `numbers` of COLUMNS, NAME_sd and corr(a,b), with
     `factors` to SI (NaN where the unit is a fault) and the symbols of their `units`, stated or
     assumed; `labels` of all others, by their own names where we know none. `guesses` are unknown
-    columns by the name that each may mean, as `--columns` takes them.
+    columns by the name that each may mean, as `--columns` takes them. `shares` are sds that are
+    shares of their column. `refused_errors` has by NAME_sd what is wrong with errors.
     """
 
     numbers: Mapping[str, int]
@@ -220,6 +228,8 @@ class Header:
     units: Mapping[str, str]
     labels: Mapping[str, int]
     guesses: Mapping[str, str]
+    shares: Collection[str] = ()
+    refused_errors: Mapping[str, str] = field(default_factory=dict)
 
 
 class _Title(NamedTuple):
@@ -239,6 +249,10 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
     `no-column`.
     """
     titles = _titles(cells, naming)
+    errors = _errors_of(cells, titles, naming)
+    for index, name_sd in errors.names.items():
+        unit = errors.units.get(index, titles[index].unit)
+        titles[index] = titles[index]._replace(ours=name_sd, unit=unit)
     ours = [title.ours for title in titles]
     numbers = dict[str, int]()
     labels = dict[str, int]()
@@ -265,7 +279,30 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
         words = f'a column is not read; did you mean --columns "{column}={their}"?'
         cells.note("not-read", words)
     factors, symbols = _factors(cells, numbers, units)
-    return Header(numbers, factors, symbols, labels, guesses)
+    shares = [column for column in numbers if _is_share(column, units)]
+    return Header(numbers, factors, symbols, labels, guesses, shares, errors.refused)
+
+
+def _errors_of(cells: TableCells, titles: Sequence[_Title], naming: Naming) -> ErrorColumns:
+    """The columns of errors whose names we do not have as they are."""
+    by_user = {plain_name(their): ours for ours, their in naming.theirs.items()}
+
+    def known(text: str) -> str | None:
+        ours = by_user.get(text) or our_name(text)
+        return ours if ours in COLUMNS else None
+
+    parts = [(title.name, title.unit) for title in titles]
+    return error_columns(cells, parts, [title.ours for title in titles], known)
+
+
+def _is_share(column: str, units: Mapping[str, str | None]) -> bool:
+    """Whether a column of sds has them as shares of the value: in percent, or in no unit at all."""
+    base = column.removesuffix("_sd")
+    if base == column or base not in COLUMNS:
+        return False
+    unit = (units.get(column) or "").strip()
+    is_ratio = COLUMNS[base].unit == ""
+    return (unit == "%" and units.get(base) != "%") or (unit in ("1", "-") and not is_ratio)
 
 
 def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
@@ -338,6 +375,9 @@ def _factors(
         base = column.removesuffix("_sd")
         unit = units[column] or units.get(base)
         si = COLUMNS[base].unit
+        if _is_share(column, units):
+            factors[column] = factor_of(unit, "")
+            continue
         symbols[column] = symbol_within(unit or "", si) or assumed_symbol(si)
         try:
             factors[column] = factor_of(unit, si)

@@ -24,6 +24,7 @@ from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, numbers
+from fitball.data.error_columns import refusal_of_error
 from fitball.data.forms import velocities_of_forms
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
@@ -116,6 +117,7 @@ def load_table(
         ignore = tuple(column for column in ignore if column in present)
     if rebound and isinstance(source, Path) and "corr" not in ignore:
         _refuse_covariance_file(cells, source)
+    _refuse_errors(cells, header, ignore)
     numbers_read = _numbers_of(cells, header, flip, ignore)
     within_limits = checks.limits(cells, numbers_read.columns, header.units)
     names_cor = "cor" in naming.columns
@@ -152,6 +154,13 @@ def load_table(
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
     cells.refuse()
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
+
+
+def _refuse_errors(cells: TableCells, header: Header, ignore: Sequence[str]) -> None:
+    """Add faults of errors that are no standard deviations, and are not ignored."""
+    for name, words in header.refused_errors.items():
+        if {name, name.removesuffix("_sd")}.isdisjoint(ignore):
+            cells.fault("not-one-sd", refusal_of_error(name, words), name)
 
 
 def _numbers_of(
@@ -343,7 +352,7 @@ def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> _Columns
 
     used = {name: index for name, index in header.numbers.items() if is_used(name)}
     written = numbers(cells, used)
-    for name in {*ignore} - {"corr", *header.numbers, *written}:
+    for name in {*ignore} - {"corr", *header.numbers, *header.refused_errors, *written}:
         hint = suggestion(name, header.numbers)
         raise ParameterError(
             f"ignore: {cells.source} has no column '{name}'; {hint}",
@@ -357,6 +366,12 @@ def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> _Columns
         factor = header.factors.get(name) or header.factors[name.removesuffix("_sd")]
         if is_used(name):
             columns[name] = values * factor
+    for name in header.shares:
+        base = name.removesuffix("_sd")
+        if name in columns and base in columns:
+            # A share of nothing is no error.
+            size = np.where(columns[base] == 0.0, np.nan, np.abs(columns[base]))
+            columns[name] *= size
     if len(cells.rows):
         faulty = {fault.column for fault in cells.faults}
         for name in [*columns]:
