@@ -15,6 +15,7 @@ from support import workbooks
 from fitball.base.errors import FitballError, InputError, ParameterError
 from fitball.data.cells import numbers
 from fitball.data.header import Naming, end_of, guess_of, read_header
+from fitball.data.proposals import with_proposals
 from fitball.data.read import load_table
 from fitball.data.sources import read_cells
 
@@ -73,7 +74,7 @@ def read(source, columns=None, **optional):
     """Numbers in SI and labels by our names, and what was noted; all faults are raised."""
     naming = Naming(columns or {})
     cells = read_cells(source, naming.worth)
-    header = read_header(cells, naming, **optional)
+    header = with_proposals(cells, read_header(cells, naming, **optional), naming)
     values = numbers(cells, header.numbers)
     cells.refuse()
     table = {}
@@ -503,7 +504,7 @@ def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
     path = written(tmp_path, header + body)
     naming = Naming({})
     cells = read_cells(path, naming.worth)
-    guesses = read_header(cells, naming).guesses
+    guesses = with_proposals(cells, read_header(cells, naming), naming).guesses
     codes = [note.code for note in cells.notes]
     assert codes.count("not-read") == 6
     ours = written(tmp_path, OURS + body, "ours.csv")

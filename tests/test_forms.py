@@ -350,3 +350,84 @@ def test_oblique_impacts_on_a_moving_surface():
 def test_cor_on_a_moving_surface():
     table = fitball.load_table({"v_y1": [20, 18], "surface_speed": [10, 12], "cor": [0.4, 0.41]})
     assert table.values["v_y2"] == pytest.approx([12.0, 12.3])
+
+
+# ---- what unknown columns may mean
+
+# A table as people write it, and what its columns are.
+PROPOSED = {
+    "V1 (m/s),V2 (m/s)\n5,4\n6,4.5\n": ["v_y1", "v_y2"],
+    "v_in,v_out\n5,4\n6,4.5\n": ["v_y1", "v_y2"],
+    "impact speed [m/s];rebound speed [m/s]\n5;4\n6;4,5\n": ["v_y1", "v_y2"],
+    "v_in,v_out,angle_in\n5,4,30\n6,4.5,30\n": ["v_1", "v_2", "theta_1"],
+    "Impact velocity (m/s),e\n5,0.8\n6,0.75\n": ["v_y1", "cor"],
+    "speed (mph),COR\n5,0.8\n6,0.75\n": ["v_y1"],
+    "v [m/s],coefficient of restitution\n5,0.8\n6,0.75\n": ["v_y1", "cor"],
+    "Drop height (cm),Restitution\n50,0.8\n100,0.75\n": ["cor"],
+    "Drop height (cm),h2/h1\n50,0.6\n100,0.59\n": ["height_ratio"],
+    "bounce,interval [s]\n1,0.55\n2,0.42\n3,0.32\n": ["bounce_interval"],
+    "run,Bounce #,T (ms)\n1,1,0\n1,2,550\n1,3,1000\n1,4,1320\n": ["bounce_time"],
+    "run,Bounce #,T (ms)\n1,1,550\n1,2,420\n1,3,320\n": ["bounce_interval"],
+    "Aufprall-Nr.;Zeit in s\n1;0,13\n2;0,68\n3;1,1\n4;1,42\n": ["bounce_time"],
+    "drop height (m),time of flight (s)\n1,0.66\n1,0.67\n1.5,0.8\n": ["bounce_interval"],
+    "Bounce number,Height (cm)\n0,100\n1,56\n2,32\n3,18\n": ["peak_height"],
+    "bounce,bounce height (m)\n0,1.00\n1,.56\n2,.32\n3,.18\n": ["peak_height"],
+    "shot,Ball in (m/s),Racket speed (m/s),Ball out (m/s)\n1,23.3,13.7,28.9\n2,13,15.3,27.4\n": [
+        "v_y1",
+        "v_y2",
+        "surface_speed",
+    ],
+    "pitch speed (mph),bat speed (mph),exit speed (mph)\n80,60,90\n82,61,91\n": [
+        "v_y1",
+        "v_y2",
+        "surface_speed",
+    ],
+}
+
+
+def proposed(error):
+    """The columns that a refusal proposes, as `--columns` takes them."""
+    [text] = {fault.message.split('--columns "')[1].split('"')[0] for fault in error.faults[:1]}
+    return dict(pair.split("=", 1) for pair in text.split(","))
+
+
+@pytest.mark.parametrize("text", PROPOSED)
+def test_what_is_proposed_can_be_read(text, tmp_path):
+    file = tmp_path / "bounces.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as refusal:
+        fitball.load_table(file)
+    columns = proposed(refusal.value)
+    assert [*columns] == PROPOSED[text]
+    table = fitball.load_table(file, columns=columns)
+    assert len(table) >= 1
+    assert not {note.code for note in table.notices} & {"not-read"}
+
+
+def test_a_ratio_is_proposed_as_neither():
+    columns = {"drop height (cm)": [100, 150], "rebound ratio": [0.56, 0.55]}
+    assert codes_of(columns)[0] == "ambiguous-cor"
+
+
+def test_a_racket_that_was_not_named_is_named():
+    columns = dict(zip(("Ball in (m/s)", "Racket speed (m/s)", "Ball out"), RACKET.T, strict=True))
+    named = {"v_y1": "Ball in (m/s)", "v_y2": "Ball out"}
+    with pytest.raises(InputError) as refusal:
+        fitball.load_table(columns, columns=named)
+    assert {fault.code for fault in refusal.value.faults} == {"restitution"}
+    assert proposed(refusal.value) == {**named, "surface_speed": "Racket speed (m/s)"}
+
+
+def test_a_ball_at_rest_is_hit():
+    columns = {"v_y1": [0.0, 0.0], "surface_speed": [40.0, 41.0], "v_y2": [57.0, 58.0]}
+    assert fitball.load_table(columns).values["v_y2"] == pytest.approx([17.0, 17.0])
+
+
+@pytest.mark.parametrize("name", ["time", "interval", "height", "e", "racket speed", "bounce"])
+def test_other_columns_of_a_good_table_are_not_proposed(name):
+    """A column beside velocities that are there is none of another form."""
+    columns = {"v_y1": [5.0, 6.0, 7.0], "v_y2": [3.9, 4.6, 5.3], name: [1, 2, 3]}
+    table = fitball.load_table(columns)
+    assert [*table.values] == ["v_y1", "v_y2"]
+    if name != "racket speed":
+        assert "series" not in notes_of(table)

@@ -60,16 +60,15 @@ def in_unit_of_file(name: str, value: float, units: Units) -> str:
 def missing_columns(
     cells: TableCells,
     present: Collection[str],
-    guesses: Mapping[str, str],
+    option: str,
     rebound: bool,
 ) -> None:
-    """Add faults of columns that are needed and not `present`; `guesses` are those of other names
-    that may be meant. Without `rebound` incident columns suffice.
+    """Add faults of columns that are needed and not `present`; `option` is what `--columns` takes
+    to read those of other names that may be meant. Without `rebound` incident columns suffice.
     """
     incident = counting_columns(present, "1")
     meant = f" (columns: {listed(cells.names, most=_NAMED_COLUMNS)})"
-    if guesses:
-        option = ",".join(f"{ours}={theirs}" for ours, theirs in guesses.items())
+    if option:
         meant = f': did you mean --columns "{option}"?'
     if incident not in INCIDENCES:
         read = f"read {listed(incident) or 'no incident velocity'}"
@@ -127,6 +126,9 @@ def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, Float
     for name, values in numbers.items():
         column = COLUMNS[name.removesuffix("_sd")]
         low, high = column.limits
+        if name == "v_y1" and "surface_speed" in numbers:
+            # A racket hits a ball at rest, or one that flies away from it.
+            low = -high
         if name.endswith("_sd"):
             low = 0.0
         # A speed, an angle or an sd of zero is none.
@@ -229,9 +231,11 @@ def energy(
     units: Units,
     ball: Ball,
     noise: Mapping[str, float],
+    option: str = "",
 ) -> None:
     """Add faults of rows that rebound faster, or with more energy, than they came, by 5 sd of the
     stated or expected `noise` [SI, by column]. What was not measured of the rebound counts as zero.
+    `option` is what `--columns` takes to read columns of other names that may be meant.
     """
     names = [*counting_columns(numbers, "1"), *counting_columns(numbers, "2"), "omega_1", "omega_2"]
     values = {}
@@ -245,6 +249,11 @@ def energy(
         sd = np.nan_to_num(np.asarray(numbers.get(f"{name}_sd", noise.get(name, 0.0))))
         variance += (slope[:, :, k] * sd[..., None]) ** 2
     blamed = np.zeros(len(slope), dtype=np.bool_)
+    remedy = "look for swapped columns and other units, or state ball and noise in the scene"
+    if "surface_speed" in option:
+        remedy = f'did the surface move? --columns "{option}"'
+    elif names == ["v_y1", "v_y2", "omega_1", "omega_2"] and _most_gain(results):
+        remedy = "look for swapped columns, or add the speed of a moving surface as surface_speed"
     # Where a slope is not finite nothing is known, and no comparison holds.
     for code, gain, sds in zip(results, results.values(), np.sqrt(variance).T, strict=True):
         above = (gain > _MOST_SDS * sds) & ~blamed
@@ -262,10 +271,15 @@ def energy(
             size = PLAIN.number(gain[k] / sds[k], 2)
             words = (
                 f"{gained} by {size} sd of the noise: {listed(row, most=_NAMED_NUMBERS)}; expected "
-                "a loss: look for swapped columns and other units, or state ball and noise in the "
-                "scene"
+                f"a loss: {remedy}"
             )
             cells.fault(code, words, column, k)
+
+
+def _most_gain(gains: Columns) -> bool:
+    """Whether the ball leaves faster than it came in most rows, as from a racket."""
+    gain = gains.get("restitution", np.zeros(1))
+    return bool(2 * np.sum(gain > 0.0) > gain.size)
 
 
 def _gains(columns: Columns, ball: Ball) -> Columns:

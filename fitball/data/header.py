@@ -56,7 +56,7 @@ _LEXICON = {
     },
     "end": {
         "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
-        "start approach i vor vorher avant drop dropped fall ein",
+        "start approach pitch pitched i vor vorher avant drop dropped fall ein",
         "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
         "bounced nach nachher aus après apres",
     },
@@ -219,8 +219,9 @@ class Header:
     """Places among `Cells.columns` by our names: `numbers` of COLUMNS, NAME_sd and corr(a,b), with
     `factors` to SI (NaN where the unit is a fault) and the symbols of their `units`, stated or
     assumed; `labels` of all others, by their own names where we know none. `guesses` are unknown
-    columns by the name that each may mean, as `--columns` takes them. `shares` are sds that are
-    shares of their column. `refused_errors` has by NAME_sd what is wrong with errors.
+    columns by the name that each may mean, as `--columns` takes them, `named` those that the user
+    has named in that form. `shares` are sds that are shares of their column. `refused_errors` has
+    by NAME_sd what is wrong with errors.
     """
 
     numbers: Mapping[str, int]
@@ -230,6 +231,15 @@ class Header:
     guesses: Mapping[str, str]
     shares: Collection[str] = ()
     refused_errors: Mapping[str, str] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def option(self) -> str:
+        """What `--columns` takes to read what is guessed besides what the user has named; empty
+        where nothing is guessed.
+        """
+        columns = {**self.named, **self.guesses} if self.guesses else {}
+        return ",".join(f"{ours}={theirs}" for ours, theirs in columns.items())
 
 
 class _Title(NamedTuple):
@@ -275,9 +285,6 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
                 _check_units(cells, column, title.unit, stated)
     _check_user_names(cells, naming, titles, optional)
     guesses = _guesses(titles)
-    for column, their in guesses.items():
-        words = f'a column is not read; did you mean --columns "{column}={their}"?'
-        cells.note("not-read", words)
     factors, symbols = _factors(cells, numbers, units)
     shares = [column for column in numbers if _is_share(column, units)]
     return Header(numbers, factors, symbols, labels, guesses, shares, errors.refused)

@@ -30,6 +30,7 @@ from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
+from fitball.data.proposals import with_proposals
 from fitball.data.scene import Scene, load_scene
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.table import ImpactTable, join_tables
@@ -111,6 +112,7 @@ def load_table(
     ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
     cells = read_cells(source, naming.worth, name)
     header = read_header(cells, naming, () if rebound else _OPTIONAL_COLUMNS)
+    header = with_proposals(cells, header, naming)
     if not rebound:
         present = (*header.numbers, "corr")
         flip = tuple(column for column in flip if column in present)
@@ -195,10 +197,12 @@ def _check_physics(
 ) -> None:
     """Add faults of columns that are missing, contradict others, or say that energy is gained."""
     measured = _measured(columns)
-    checks.missing_columns(cells, measured, header.guesses, rebound)
+    checks.missing_columns(cells, measured, header.option, rebound)
     if counting_columns(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, columns, header.units)
-        checks.energy(cells, columns, header.units, scene.ball_value(), _noises(scene))
+        checks.energy(
+            cells, columns, header.units, scene.ball_value(), _noises(scene), header.option
+        )
 
 
 def _pair_in(name: str) -> str:

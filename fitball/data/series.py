@@ -274,6 +274,19 @@ def _numbers_of_bounces(cells: TableCells, labels: Mapping[str, int]) -> tuple[s
     return "", none
 
 
+def is_count(name: str, values: FloatArray) -> bool:
+    """Whether a column of this name, with values (rows,), counts the bounces of each series: whole
+    numbers from 0 or 1, each one more than that before, or from the start again.
+    """
+    bare = _bare(name)
+    if bare not in _NAMED["bounce"] | _NAMED["count"] or not np.isfinite(values).all():
+        return False
+    steps = np.diff(values)
+    is_whole = bool(np.all(values == np.round(values)))
+    counts_on = (steps == 1.0) | (steps == 0.0) | (values[1:] == values.min())
+    return is_whole and len(values) > 0 and values.min() in {0.0, 1.0} and bool(counts_on.all())
+
+
 def _rows_of_runs(cells: TableCells, labels: Mapping[str, int]) -> Iterable[list[int]]:
     """The rows of each run, in order: those with the same labels of runs, surfaces, balls and the
     like, and of one row of the file where that has several bounces.
