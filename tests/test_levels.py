@@ -222,7 +222,7 @@ def test_spreads_are_published_for_tennis_balls_and_shares_for_others():
 def test_a_common_value_with_another_prior_has_its_mean_and_sd():
     table = table_of(REBOUND, labels=("surface",))
     problem = problem_of(table, prior={"mu": "uniform(0.2, 0.8)"})
-    (prior,) = (level for level in problem.prior.levels if level.levels.parameter == "mu")
+    (prior,) = (prior for prior in problem.prior.level_priors if prior.leveled.parameter == "mu")
     assert prior.centre == pytest.approx(0.5, rel=1e-3)
     assert prior.width == pytest.approx(0.6 / np.sqrt(12.0), rel=1e-3)
     assert "normal-common-value" in {note.code for note in problem.notes}

@@ -111,7 +111,7 @@ def test_at_levels_a_normal_prior_of_values_replaces_one_in_the_logit():
     problem = problem_of(table, prior=prior, pool=pool)
     assert [note.code for note in problem.notes].count("normal-common-value") == 2
     assert problem.prior_texts["cor_10"] == "beta(30, 10)"
-    ours = {level.levels.parameter: level for level in problem.prior.levels}
+    ours = {prior.leveled.parameter: prior for prior in problem.prior.level_priors}
     law = stats.beta(30, 10)
     assert not ours["cor_10"].log
     assert ours["cor_10"].centre == pytest.approx(law.mean(), rel=1e-3)

@@ -32,7 +32,7 @@ from fitball.inference.judgement.residuals import (
     residuals_of,
     tested_pattern,
 )
-from fitball.inference.problem.camera import CAMERA_SPECS, LEVEL
+from fitball.inference.problem.camera import CAMERA_SPECS, WITHOUT_ERROR
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import Adequacy, Answer, NoiseCheck, PointFit, ResidualTest
 
@@ -256,15 +256,15 @@ def _camera_tests(fit: FitResiduals) -> Iterator[PatternTest]:
         if key in keys or (key == "tilt" and not problem.forward.model.tangential):
             continue
         step = parse_prior(spec).width
-        low = cells(problem.with_constant(key, LEVEL[key] - step), x)
-        high = cells(problem.with_constant(key, LEVEL[key] + step), x)
+        low = cells(problem.with_constant(key, WITHOUT_ERROR[key] - step), x)
+        high = cells(problem.with_constant(key, WITHOUT_ERROR[key] + step), x)
         if not (low.possible.all() and high.possible.all()):
             continue
         direction = 0.5 * fit.of_measurements(low.z[0] - high.z[0])
         for test in tested_pattern(fit, "camera", "", "", direction, []):
             # The size of the pattern, in steps of the setting.
             steps = float(test.direction @ direction) / float(direction @ direction)
-            yield test._replace(pattern=words.camera(key, LEVEL[key] + steps * step))
+            yield test._replace(pattern=words.camera(key, WITHOUT_ERROR[key] + steps * step))
 
 
 def _chance_factor(tests: Sequence[PatternTest], kind: str) -> float:

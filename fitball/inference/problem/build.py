@@ -13,9 +13,8 @@ import numpy as np
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import FitError, Note, ParameterError, suggestion
 from fitball.base.options import read_pairs, read_texts
-from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
-from fitball.data.bundled import PUBLISHED, published_prior
 from fitball.data.read import Reading, Sources, load_data
 from fitball.data.scene import Scene, ValueWithSd
 from fitball.data.table import ImpactTable
@@ -31,6 +30,7 @@ from fitball.inference.problem.levels import (
     default_pool,
     level_prior,
     levels_of_pool,
+    prior_of_text,
 )
 from fitball.inference.problem.problem import (
     COMMON_PARAMETERS,
@@ -53,7 +53,7 @@ VELOCITY_SD = 0.25
 SPIN_SD = 10.0
 # Degrees of freedom of the half-t prior of a scatter beyond stated errors, which may be nothing.
 SCATTER_FREEDOM = 4
-# Noises for which `velocity_sd` of the scene stands.
+# Noises that have the size `velocity_sd` of the scene.
 VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
 # Parameters that affect the spin alone: they are held at zero where no spin was measured.
 SPIN_ONLY = ("eps_10", "eps_slope", "offset")
@@ -185,15 +185,15 @@ def build_problem(
     observables = _observables(table, model, notes)
     noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
     named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
-    gaps = {observable.column.gap for observable in observables}
-    camera, camera_specs = camera_of(table, scene.camera, named, gaps, notes)
+    has_gaps = any(observable.column.gap for observable in observables)
+    camera, camera_specs = camera_of(table, scene.camera, named, has_gaps, notes)
     uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
     fall = fall_of(table, scene)
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | camera_specs
     specs |= FALL_SPECS if fall is not None else {}
     specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in uncertain}
-    timed = scene.contact_time is not None
-    timed = timed or any(observable.column.timed for observable in observables)
+    times_measured = any(observable.column.timed for observable in observables)
+    timed = times_measured or scene.contact_time is not None
     settings = _settings(specs, table, scene, choices, prior_texts, timed)
     levels = _leveled_parameters(table, scene, choices, model, settings, timed, notes)
     _refuse_unknown(choices, scene, specs, levels)
@@ -208,7 +208,7 @@ def build_problem(
     noiseless = {parameter.spec.name for parameter in parameters if parameter.fixed == 0.0}
     forward = ForwardModel(model, noise, levels)
     rows = _measurements(table, forward, observables, noiseless, notes)
-    time = scene.contact_time if model.timed else None
+    contact_time = scene.contact_time if model.timed else None
     free_bases = {base_of(parameter.spec.name) for parameter in free}
     return Problem(
         table=table,
@@ -222,7 +222,7 @@ def build_problem(
         rows=rows,
         camera=camera,
         fall=fall,
-        contact_time=None if time is None else (time.value, time.sd),
+        contact_time=None if contact_time is None else (contact_time.value, contact_time.sd),
         notes=(*_assumptions(scene, choices, free_bases, timed), *notes),
         prior_texts=texts,
     )
@@ -353,6 +353,7 @@ def _settings(
     replace earlier ones: a saved fit, facts of the table, numbers of the scene, the scene's
     sections `prior` and `fix`, the user. Raises ParameterError (`not-a-number`).
     """
+    # A text with brackets is a prior, any other the value at which the parameter was fixed.
     settings: ParameterSettings = {
         name: text if "(" in text else (float(text), "fixed in the stored fit")
         for name, text in prior_texts.items()
@@ -363,16 +364,19 @@ def _settings(
     if "k_y" in specs and "k_theta" not in specs and not timed:
         why = "it affects only the contact time, which was not measured"
         settings["k_y"] = (HELD_STIFFNESS, why)
-    ball = scene.ball_value()
-    noise = scene.measurement
+    # What the scene states as a number, or as a number with an sd; the rest is left out below.
     numbers: dict[str, object] = {"mu": scene.surface.get("mu")}
-    numbers |= dict.fromkeys(VELOCITY_NOISES, noise.get("velocity_sd"))
-    numbers |= {name: noise[name] for name in specs if name in noise}
+    measurement = scene.measurement
+    numbers |= dict.fromkeys(VELOCITY_NOISES, measurement.get("velocity_sd"))
+    numbers |= {name: measurement[name] for name in specs if name in measurement}
+    ball = scene.ball_value()
     for key, sd in scene.ball_sd().items():
         parameter = key if key in BALL_PARAMETERS else f"ball_{key}"
         numbers[parameter] = ValueWithSd(getattr(ball, key), sd)
     for name in specs:
-        if (key := name.partition("[")[0]) in CAMERA_SPECS and scene.camera is not None:
+        # One value for all sessions, `tilt` for `tilt[monday]`.
+        key = name.partition("[")[0]
+        if key in CAMERA_SPECS and scene.camera is not None:
             numbers[name] = getattr(scene.camera, key)
     if DRAG_SPEC.name in specs:
         drag = scene.slow_drag()
@@ -462,10 +466,7 @@ def _parameters_of_problem(
             text = setting
         else:
             value, why = setting
-        if text.startswith(PUBLISHED):
-            prior = published_prior(spec, text)
-        else:
-            prior = parse_prior(spec, text)
+        prior = prior_of_text(spec, text)
         if prior.source:
             notes.append(Note("published-prior", f"Prior of {name} from {prior.source}."))
         texts[name] = prior.text if value is None else repr(value)
@@ -489,6 +490,7 @@ def _parameters_of_problem(
         if value is not None and not lower <= value <= spec.upper:
             wanted = f"expected {lower:g} to {spec.upper:g} {spec.unit}".rstrip()
             raise ParameterError(f"read {name} = {value:g}; {wanted}", "out-of-bounds")
+        # Constants of ball, camera and air, of which the scene has a measurement.
         constants = {*BALL_PARAMETERS, *CAMERA_SPECS, *FALL_SPECS}
         measured = name.partition("[")[0] in constants
         parameters.append(Parameter(spec, prior, value, why, measured))
@@ -498,14 +500,14 @@ def _parameters_of_problem(
 def _assumptions(
     scene: Scene,
     choices: Choices,
-    free: Collection[str],
+    free_bases: Collection[str],
     timed: bool,
 ) -> Iterable[Note]:
-    """Notes on what the scene does not state, where that concerns a `free` parameter without a
-    stated prior.
+    """Notes on what the scene does not state, where that concerns a free parameter without a stated
+    prior. `free_bases` are the names of free parameters without their labels.
     """
     stated = {name.partition("[")[0] for name in (*scene.prior, *choices.prior)}
-    default = {*free} - stated
+    default = {*free_bases} - stated
     applies = {
         "no-friction": "mu" in default,
         "no-contact-time": "k_y" in default and not timed,

@@ -10,7 +10,9 @@ A court that is higher is reached earlier and left later; a tilted one has the h
 and r at release.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -27,47 +29,47 @@ from fitball.models.types import Rebound, Status
 
 _SPECS = (
     ParameterSpec(
-        "scale",
-        "",
-        0.2,
-        5.0,
-        "normal(1, 0.01)",
-        "scale of the camera, true lengths over measured ones",
-        r"$s$",
+        name="scale",
+        unit="",
+        lower=0.2,
+        upper=5.0,
+        prior="normal(1, 0.01)",
+        meaning="scale of the camera, true lengths over measured ones",
+        symbol=r"$s$",
     ),
     ParameterSpec(
-        "clock",
-        "",
-        0.2,
-        5.0,
-        "normal(1, 0.001)",
-        "clock of the camera, true times over measured ones",
-        r"$c$",
+        name="clock",
+        unit="",
+        lower=0.2,
+        upper=5.0,
+        prior="normal(1, 0.001)",
+        meaning="clock of the camera, true times over measured ones",
+        symbol=r"$c$",
     ),
     ParameterSpec(
-        "tilt",
-        "rad",
-        -0.3,
-        0.3,
-        "normal(0, 0.005)",
-        "tilt of the court, upwards along the flight in the picture",
-        r"$\tau$",
+        name="tilt",
+        unit="rad",
+        lower=-0.3,
+        upper=0.3,
+        prior="normal(0, 0.005)",
+        meaning="tilt of the court, upwards along the flight in the picture",
+        symbol=r"$\tau$",
         display_unit=DEG,
     ),
     ParameterSpec(
-        "court_height",
-        "m",
-        -0.2,
-        0.2,
-        "normal(0, 0.003)",
-        "height of the court, above the one assumed",
-        r"$h$",
+        name="court_height",
+        unit="m",
+        lower=-0.2,
+        upper=0.2,
+        prior="normal(0, 0.003)",
+        meaning="height of the court, above the one assumed",
+        symbol=r"$h$",
         display_unit=MM,
     ),
 )
 CAMERA_SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _SPECS}
 # The values of a camera without errors, which parameters that are not fitted have.
-LEVEL = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
+WITHOUT_ERROR = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
 
 
 class CameraModel(NamedTuple):
@@ -86,13 +88,13 @@ class CameraModel(NamedTuple):
         """
         return f"{key}[{session}]" if session else key
 
-    def take(self, rows: Annotated[IntArray, "rows"]) -> "CameraModel":
+    def take(self, rows: Annotated[IntArray, "rows"]) -> CameraModel:
         """The camera of the impacts with these row numbers."""
         return self._replace(session=self.session[rows])
 
     def _settings(self, values: Values) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Scale, clock, tilt [rad] and court height [m], which broadcast to (draws, impacts)."""
-        settings = {key: np.full((1, 1), value) for key, value in LEVEL.items()}
+        settings = {key: np.full((1, 1), value) for key, value in WITHOUT_ERROR.items()}
         for key in self.keys:
             by_session = [values[self.name(key, session)] for session in self.sessions]
             setting = np.stack(by_session, axis=1)
@@ -104,61 +106,72 @@ class CameraModel(NamedTuple):
     def true_states(self, values: Values, measured: Impacts) -> Impacts:
         """True incident states (draws, impacts) of measured ones."""
         scale, clock, tilt, _ = self._settings(values)
-        fast = scale / clock
+        true_over_measured = scale / clock
         cosine = np.cos(tilt)
         sine = np.sin(tilt)
-        along = fast * (measured.v_x1 * cosine - measured.v_y1 * sine)
-        down = fast * (measured.v_x1 * sine + measured.v_y1 * cosine)
+        along = true_over_measured * (measured.v_x1 * cosine - measured.v_y1 * sine)
+        down = true_over_measured * (measured.v_x1 * sine + measured.v_y1 * cosine)
         return Impacts(*np.broadcast_arrays(along, down, measured.omega_1 / clock))
 
     def measured_rebounds(self, values: Values, measured: Impacts, rebound: Rebound) -> Rebound:
         """Rebounds (draws, impacts) as the camera shows them, of true ones; `measured` are the
         incident states as the camera shows them.
         """
-        scale, clock, tilt, landing = self._settings(values)
-        slow = clock / scale
+        scale, clock, tilt, landing_height = self._settings(values)
+        measured_over_true = clock / scale
         cosine = np.cos(tilt)
         sine = np.sin(tilt)
         path = rebound.gap_path / scale
-        v_x2 = slow * (rebound.v_x2 * cosine - rebound.v_y2 * sine)
-        v_y2 = slow * (rebound.v_x2 * sine + rebound.v_y2 * cosine)
+        v_x2 = measured_over_true * (rebound.v_x2 * cosine - rebound.v_y2 * sine)
+        v_y2 = measured_over_true * (rebound.v_x2 * sine + rebound.v_y2 * cosine)
         omega_2 = clock * rebound.omega_2
-        release = landing + path * sine
-        # A state that moves away from the court has no landing: its gaps are no numbers of
-        # anything.
+        release_height = landing_height + path * sine
+        # A state that moves away from the court has no landing: its gaps mean nothing.
         with np.errstate(divide="ignore", invalid="ignore"):
-            early = landing / measured.v_y1
-            late = release / v_y2
-            gaps = (
-                rebound.gap_time / clock - early - late,
-                path * cosine - early * measured.v_x1 - late * v_x2,
-                rebound.gap_turn - early * measured.omega_1 - late * omega_2,
-            )
+            # Times [s] by which a higher court is reached earlier, and left later.
+            early = landing_height / measured.v_y1
+            late = release_height / v_y2
+            gap_time = rebound.gap_time / clock - early - late
+            gap_path = path * cosine - early * measured.v_x1 - late * v_x2
+            gap_turn = rebound.gap_turn - early * measured.omega_1 - late * omega_2
         status = np.where(
             (measured.v_y1 > 0.0) | (rebound.status != Status.OK),
             rebound.status,
             Status.NO_IMPACT,
         )
-        return Rebound(v_x2, v_y2, omega_2, rebound.contact_time, *gaps, rebound.regime, status)
+        return Rebound(
+            v_x2,
+            v_y2,
+            omega_2,
+            rebound.contact_time,
+            gap_time,
+            gap_path,
+            gap_turn,
+            rebound.regime,
+            status,
+        )
 
 
 def camera_of(
     table: ImpactTable,
     stated: CameraSection | None,
     named: Iterable[str],
-    gaps: Collection[bool],
+    has_gaps: bool,
     notes: list[Note],
 ) -> tuple[CameraModel | None, dict[str, ParameterSpec]]:
     """The camera of a table and the specs of its parameters by name; None and no specs without one.
     A quantity of the camera is a parameter where the scene `stated` it, or its name is among those
-    `named` in priors and fixed values. `gaps` says of each measured column whether it lies between
-    the flights; `notes` gets a note on each quantity that has no effect.
+    `named` in priors and fixed values. `has_gaps` says whether a measured column lies between the
+    flights; `notes` gets a note on each quantity that has no effect.
     """
     keys_named = {name.partition("[")[0] for name in named}
     keys = [
         key for key in CAMERA_SPECS if key in keys_named or getattr(stated, key, None) is not None
     ]
-    idle = {} if True in gaps else {"court_height": "no column shows what is between the flights"}
+    # Why a quantity of the camera has no effect, by its name.
+    idle = dict[str, str]()
+    if not has_gaps:
+        idle["court_height"] = "no column shows what is between the flights"
     if not table.has_tangential:
         idle["tilt"] = "no motion along the court was measured"
     notes += [
@@ -167,13 +180,17 @@ def camera_of(
         if key in idle
     ]
     columns = [cells for name, cells in table.labels.items() if role_of(name) == "session"]
-    texts = columns[0] if columns else ()
-    index_of = {text: k for k, text in enumerate(dict.fromkeys(texts))}
+    labels = columns[0] if columns else ()
+    index_of = {label: k for k, label in enumerate(dict.fromkeys(labels))}
     if len(index_of) < 2:
+        # A single session has no name.
         index_of = {"": 0}
-        texts = ("",) * len(table)
-    session = np.array([index_of[text] for text in texts], dtype=np.int64)
-    camera = CameraModel(tuple(key for key in keys if key not in idle), tuple(index_of), session)
+        labels = ("",) * len(table)
+    camera = CameraModel(
+        keys=tuple(key for key in keys if key not in idle),
+        sessions=tuple(index_of),
+        session=np.array([index_of[label] for label in labels], dtype=np.int64),
+    )
     specs = {
         camera.name(key, session): spec_at_label(
             CAMERA_SPECS[key],

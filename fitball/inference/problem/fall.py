@@ -22,13 +22,13 @@ from fitball.inference.forward import Values
 from fitball.models.types import Rebound
 
 DRAG_SPEC = ParameterSpec(
-    "drag",
-    "",
-    0.01,
-    3.0,
-    f"normal({air.SLOW_DRAG.value:g}, {air.SLOW_DRAG.sd:g})",
-    "drag coefficient of falls and rises, below 15 m/s",
-    r"$C_d$",
+    name="drag",
+    unit="",
+    lower=0.01,
+    upper=3.0,
+    prior=f"normal({air.SLOW_DRAG.value:g}, {air.SLOW_DRAG.sd:g})",
+    meaning="drag coefficient of falls and rises, below 15 m/s",
+    symbol=r"$C_d$",
 )
 # Speed [m/s] in place of one that no air brakes: below the terminal one of any ball.
 _ANY_SPEED = 1.0
@@ -37,9 +37,10 @@ FALL_SPECS: Mapping[str, ParameterSpec] = {DRAG_SPEC.name: DRAG_SPEC}
 
 
 class FallModel(NamedTuple):
-    """Which velocities of a table are heights or times of flights, read at the `usual` drag
-    coefficient: `dropped` and `risen` say for each impact whether v_y1 and v_y2 are heights,
-    `flown_in` and `flown_out` whether they are times. `braking` [1/m] is that of a drag of one.
+    """Which velocities of a table were heights or times of flights, made speeds at the `usual` drag
+    coefficient. `dropped` and `risen` say of each impact whether v_y1 and v_y2 were heights,
+    `flown_in` and `flown_out` whether they were times. `braking` [1/m] is that of a drag
+    coefficient of one.
     """
 
     usual: float
@@ -65,13 +66,13 @@ class FallModel(NamedTuple):
         measured, the drag is that of each draw.
         """
         v_y1 = measured.v_y1
-        usual = self.braking * self.usual
+        usual_braking = self.braking * self.usual
         if self.dropped.any():
-            height = air.drop_height(np.where(self.dropped, v_y1, _ANY_SPEED), usual)
+            height = air.drop_height(np.where(self.dropped, v_y1, _ANY_SPEED), usual_braking)
             v_y1 = np.where(self.dropped, air.landing_speed(height, self._braking(values)), v_y1)
         if self.flown_in.any():
             landing = np.where(self.flown_in, v_y1, _ANY_SPEED)
-            again = air.landing_of_same_time(landing, usual, self._braking(values))
+            again = air.landing_of_same_time(landing, usual_braking, self._braking(values))
             v_y1 = np.where(self.flown_in, again, v_y1)
         if v_y1 is measured.v_y1:
             return measured
@@ -80,12 +81,12 @@ class FallModel(NamedTuple):
     def measured_rebounds(self, values: Values, rebound: Rebound) -> Rebound:
         """Rebounds (draws, impacts) as their heights and times read at the usual drag."""
         v_y2 = rebound.v_y2
-        usual = self.braking * self.usual
+        usual_braking = self.braking * self.usual
         if self.risen.any():
             height = air.rebound_height(v_y2, self._braking(values))
-            v_y2 = np.where(self.risen, air.launch_speed(height, usual), v_y2)
+            v_y2 = np.where(self.risen, air.launch_speed(height, usual_braking), v_y2)
         if self.flown_out.any():
-            again = air.launch_of_same_time(v_y2, self._braking(values), usual)
+            again = air.launch_of_same_time(v_y2, self._braking(values), usual_braking)
             v_y2 = np.where(self.flown_out, again, v_y2)
         return rebound if v_y2 is rebound.v_y2 else replace(rebound, v_y2=v_y2)
 
@@ -96,22 +97,28 @@ class FallModel(NamedTuple):
 
 
 def fall_of(table: ImpactTable, scene: Scene) -> FallModel | None:
-    """The model of a table's heights and flights; None where it has none. Heights that 3.0.dev0
-    read stand for speeds without air.
+    """The model of a table's heights and flights; None where it has none. A fit that was saved
+    before heights were recorded has none: its heights became speeds without air.
     """
-    read = [entry for entry in table.read if "heights" in entry or "flights" in entry]
-    if not read:
+    sources = [entry for entry in table.read if "heights" in entry or "flights" in entry]
+    if not sources:
         return None
-    names = np.array(table.labels.get("table", ("",) * len(table)))
-    rows = {
-        (kind, speed): np.zeros(len(table), np.bool_)
-        for kind in ("heights", "flights")
-        for speed in ("v_y1", "v_y2")
-    }
-    for entry in read:
-        for kind, speed in rows:
+    # Of several tables together each impact has the name of its own.
+    source_names = np.array(table.labels.get("table", ("",) * len(table)))
+
+    def impacts_with(kind: str, speed: str) -> BoolArray:
+        """Which impacts have a speed that was a height or a time, by the `kind` of the entry."""
+        chosen = np.zeros(len(table), np.bool_)
+        for entry in sources:
             if speed in entry.get(kind, "").split(","):
-                rows[kind, speed] |= names == entry.get("table", "")
-    braking = air.braking_per_drag(scene.ball_value(), scene.air)
-    usual = float(read[0]["drag"])
-    return FallModel(usual, braking, *rows.values())
+                chosen |= source_names == entry.get("table", "")
+        return chosen
+
+    return FallModel(
+        usual=float(sources[0]["drag"]),
+        braking=air.braking_per_drag(scene.ball_value(), scene.air),
+        dropped=impacts_with("heights", "v_y1"),
+        risen=impacts_with("heights", "v_y2"),
+        flown_in=impacts_with("flights", "v_y1"),
+        flown_out=impacts_with("flights", "v_y2"),
+    )

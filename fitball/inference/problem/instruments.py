@@ -19,8 +19,9 @@ def measured_rebounds(
     measured: Impacts,
     index: Annotated[IntArray, "impacts levels"] | None,
 ) -> Rebound:
-    """Rebounds (draws, impacts) of measured states as they would be measured; true ones where
-    neither camera nor heights stand between.
+    """Rebounds (draws, impacts) of measured states, as they would be measured; true rebounds where
+    there are neither a camera nor heights. `index` says which level each impact has; it is not
+    needed without levels.
     """
     states = measured
     if camera is not None:

@@ -27,7 +27,7 @@ from fitball.inference.problem.row_errors import RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import Rebound
 
-# Parameters that belong to no model: noises, constants of ball and camera.
+# Parameters that belong to no model: noises, constants of ball, camera and air.
 COMMON_PARAMETERS = frozenset(
     {
         *(column.noise.name for column in COLUMNS.values() if column.noise is not None),
@@ -194,8 +194,8 @@ class Problem:
         return replace(self.on_rows(rows), table=self.table.take(rows))
 
     def with_constant(self, name: str, value: float) -> Problem:
-        """The problem with a constant of ball or camera held at `value`, in SI. The name of a
-        camera's constant that is no parameter of the problem stands for all sessions.
+        """The problem with a constant of ball or camera held at `value`, in SI. A constant of the
+        camera that is no parameter of the problem is held in all sessions.
         """
         key = name.partition("[")[0]
         camera = self.camera
