@@ -68,15 +68,15 @@ def _advice(fit: Fitted) -> Iterator[str]:
     if fit.adequacy.answer == "does not describe":
         if any(note.code == "misread" for note in fit.notes):
             yield f"{_command(fit, 'check')}, which says how else the table may be read"
-        pooling = [words for words in remedies if "--pool " in words]
-        yield (pooling or [_compare(fit) or _of_drops(fit)])[0]
+        pooling = next((words for words in remedies if "--pool " in words), "")
+        yield pooling or _compare(fit) or _of_drops(fit)
     yield from remedies
     yield from _of_undetermined(fit)
     yield from _of_variants(fit)
 
 
 def _of_drops(fit: Fitted) -> str:
-    """What serves where no other model of ours can describe vertical impacts."""
+    """What helps where the model of vertical impacts fails and there is no other to compare."""
     if len(fit.run.table) < _LEAST_COMPARED:
         return "more impacts"
     return (
@@ -165,7 +165,7 @@ def _command(fit: Fitted, verb: str, options: str = "") -> str:
     sources = [entry.get("source", "") for entry in read]
     if not sources or not all(Path(source.partition("#")[0]).is_file() for source in sources):
         return f"`fitball.{verb}`" + (f" with `{options}`" if options else "")
-    words = ["fitball", verb, *map(_source, sources)]
+    words = ["fitball", verb, *map(_source_name, sources)]
     for name in ("columns", "flip", "ignore"):
         if read[0].get(name):
             words += [f"--{name}", read[0][name]]
@@ -174,7 +174,7 @@ def _command(fit: Fitted, verb: str, options: str = "") -> str:
     return f"`{' '.join([shlex.join(words), options]).strip()}`"
 
 
-def _source(source: str) -> str:
+def _source_name(source: str) -> str:
     """A table as the command line takes it: of a bundled one the name."""
     name = Path(source).stem
     bundled = name in descriptions() and path_of_source(name) == Path(source)

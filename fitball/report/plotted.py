@@ -50,12 +50,14 @@ def choose_figures(fit: Fitted, names: Sequence[str], form: str) -> Plotted:
                 f"figure {name}: this fit has no data for it; it has {listed(available, most=20)}"
             )
             raise ParameterError(text, "no-such-data")
-    missing = [name for name in FIGURES if name not in available and not names]
+    if names:
+        return Plotted(fit, tuple(dict.fromkeys(names)), form)
+    missing = [name for name in FIGURES if name not in available]
     notes = []
     if missing:
         text = f"This fit has no data for {listed(missing, most=20)}."
         notes.append(Note("not-drawn", text))
-    return Plotted(fit, tuple(dict.fromkeys(names)) or available, form, tuple(notes))
+    return Plotted(fit, available, form, tuple(notes))
 
 
 def report(result: Plotted) -> Report:

@@ -72,8 +72,10 @@ def chance(share: float) -> str:
     return percent(float(np.clip(share, _LEAST_CHANCE, 1.0 - _LEAST_CHANCE)))
 
 
-def first_rows(frame: DataFrame) -> DataFrame:
-    """Of a frame with a row an impact and column those of its first column: a row an impact."""
+def impact_rows(frame: DataFrame) -> DataFrame:
+    """A row an impact: of a frame with a row an impact and measured column, those of its first
+    column.
+    """
     rows: DataFrame = frame[frame["column"] == frame["column"].iloc[0]]
     return rows
 

@@ -82,7 +82,7 @@ class Drawn(Result):
         command: str = "",
     ) -> tuple[Path, ...]:
         """Write the figures beside what the folder has, in place of older ones of the same names,
-        and return their paths.
+        and return their paths. The options of other results have no effect.
 
         Raises:
             FolderError: another run holds the folder (`folder-in-use`), or it cannot be made or
@@ -96,6 +96,7 @@ class Drawn(Result):
             ['curves.svg']
         """
         if not isinstance(folder, ResultFolder):
+            # A run that writes into the folder of the fit is waited for.
             with result_folder(Path(folder), wait=WAIT) as locked:
                 return self.save(locked, overwrite=overwrite, figures=figures, command=command)
         form = self.plotted.form

@@ -16,8 +16,8 @@ from fitball.results.result import Result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exported(Result):
-    """Files by name; `save` writes them alone, and without a folder the command line prints the
-    text.
+    """Files, by name their `contents`; `save` writes them alone, and without a folder the command
+    line prints their text.
 
     Example:
         >>> import fitball
@@ -60,7 +60,7 @@ class Exported(Result):
         raise ParameterError(f"no figure '{name}': an export has none", "unknown-figure")
 
     def report(self, **_options: object) -> str:
-        """The text of the files itself.
+        """The text of the files itself, whatever the width or colour.
 
         Raises:
             ParameterError: a file is no text (`no-text`).
@@ -83,7 +83,8 @@ class Exported(Result):
         return f"<p>{listed(self.contents)}: save(folder) writes it.</p>"
 
     def json(self) -> dict[str, Any]:
-        """The texts by name, under `files`, with notes and exit code, as `--json` prints them.
+        """The texts by name, under `files`, as `--json` prints them. There are no notes, and files
+        that are no text are left out.
 
         Example:
             >>> import fitball
@@ -112,17 +113,17 @@ class Exported(Result):
             ['parameters.json']
         """
         if not isinstance(folder, ResultFolder):
-            with result_folder(Path(folder)) as held:
-                return self.save(held, overwrite=overwrite)
-        there = [name for name in self.contents if (folder.path / name).exists() and not overwrite]
-        if there:
+            with result_folder(Path(folder)) as locked:
+                return self.save(locked, overwrite=overwrite)
+        existing = [name for name in self.contents if (folder.path / name).exists()]
+        if existing and not overwrite:
             remedy = "replace it with --overwrite (overwrite=True), or name another folder"
             raise FolderError(
-                f"{folder.path / there[0]}: is there already; {remedy}",
+                f"{folder.path / existing[0]}: is there already; {remedy}",
                 "older-result",
             )
-        texts = {
-            name: text.encode() if isinstance(text, str) else text
-            for name, text in self.contents.items()
+        files = {
+            name: content.encode() if isinstance(content, str) else content
+            for name, content in self.contents.items()
         }
-        return tuple(folder.write(name, text) for name, text in texts.items())
+        return tuple(folder.write(name, file) for name, file in files.items())

@@ -20,6 +20,7 @@ class Film(Filmed, Result):
     """
 
     record: ClassVar[str] = "impacts.csv"
+    # Instead of that of the dataclass, which prints all frames.
     __repr__ = Result.__repr__
 
     @classmethod

@@ -29,6 +29,7 @@ class Result:
     """
 
     record: ClassVar[str] = REPORT_FILE
+    # A field of some results, and a property of others: checkers accept only one of the two.
     notes: tuple[Note, ...]
 
     def __repr__(self) -> str:
@@ -158,7 +159,7 @@ class Result:
         contents |= {f"{name}.png": image for name, image in images.items()}
         contents[REPORT_FILE] = to_page(self._report, images, command).encode()
         folder.clear()
-        # Whoever finds the record finds all the rest.
+        # The record is last: where it is, all other files are.
         order = sorted(contents, key=lambda name: name == self.record)
         return tuple(folder.write(name, contents[name]) for name in order)
 
@@ -174,7 +175,9 @@ class Result:
 
 
 def _rows(frame: DataFrame) -> list[dict[str, object]]:
-    """Rows as JSON has them, with the index where that has a name."""
+    """Rows as JSON has them, with the index where that has a name; null for what is no finite
+    number.
+    """
     import numpy as np
     import pandas as pd
 

@@ -41,7 +41,7 @@ def draw_gains(result: Findings) -> Figure:
     the plan. Where one of the two does not vary, lines are over the other. Of several surfaces the
     best counts. Numbers are the chosen impacts in their order.
     """
-    # Speeds and angles went through components.
+    # Settings were turned into components of the velocity and back: equal ones differ by rounding.
     decimals = {"v_1": 9, "theta_1": 9}
     frame = result.frames["gains"].round(decimals)
     plan = result.frames["plan"].round(decimals)
@@ -74,11 +74,11 @@ def _draw_maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
     norm = Normalize(float(best["gain"].min()), float(best["gain"].max()))
     for axes, spin in zip(panels.ravel(), spins, strict=False):
         of_spin = best[best["omega_1"] == spin]
-        table = of_spin.pivot_table("gain", index="v_1", columns="theta_1", dropna=False)
-        angles = _edges(np.degrees(table.columns.to_numpy(np.float64)))
-        speeds = _edges(table.index.to_numpy(np.float64))
+        gains = of_spin.pivot_table("gain", index="v_1", columns="theta_1", dropna=False)
+        angles = _edges(np.degrees(gains.columns.to_numpy(np.float64)))
+        speeds = _edges(gains.index.to_numpy(np.float64))
         axes.set_facecolor(FAINT)
-        axes.pcolormesh(angles, speeds, np.ma.masked_invalid(table), cmap=_GAIN_COLOURS, norm=norm)
+        axes.pcolormesh(angles, speeds, np.ma.masked_invalid(gains), cmap=_GAIN_COLOURS, norm=norm)
         _draw_numbers(axes, plan[plan["omega_1"] == spin])
         axes.set_title(f"{fixed(spin, 0)} rad/s")
         axes.grid(visible=False)

@@ -92,11 +92,8 @@ def draw_curves(fit: Fitted) -> Figure:
             impacts = of_column[of_column["series"] == k]
             at = impacts[incidence].to_numpy(np.float64)
             observed = impacts["observed"].to_numpy(np.float64)
-            shown = (
-                np.interp(at, line["along"], median_or_point(line))
-                + observed
-                - median_or_point(impacts)
-            )
+            residual = observed - median_or_point(impacts)
+            shown = np.interp(at, line["along"], median_or_point(line)) + residual
             noise = unit.factor * impacts["noise"].to_numpy()
             draw_dots(axes, along.factor * at, unit.factor * shown, style, noise)
         few_ticks(axes.yaxis)
@@ -163,18 +160,19 @@ def draw_predictive(fit: Fitted) -> Figure:
     figure, panels = new_figure(down, across, high=0.6 + 2.1 * down)
     has_intervals = bool(frame["new_q975"].notna().any())
     for axes, column in zip(panels.ravel(), columns, strict=False):
-        rows_shown = frame[frame["column"] == column]
-        count = len(rows_shown)
+        of_column = frame[frame["column"] == column]
+        count = len(of_column)
         unit = column_unit(column)
-        predicted = unit.factor * median_or_point(rows_shown)
-        observed = unit.factor * rows_shown["observed"].to_numpy()
-        ends = unit.factor * rows_shown[["new_q025", "new_q975"]].to_numpy(np.float64)
+        predicted = unit.factor * median_or_point(of_column)
+        observed = unit.factor * of_column["observed"].to_numpy()
+        ends = unit.factor * of_column[["new_q025", "new_q975"]].to_numpy(np.float64)
         finite = np.isfinite(predicted) & np.isfinite(ends).all(axis=1)
         inside = int(((observed >= ends[:, 0]) & (observed <= ends[:, 1])).sum())
         _draw_ends(axes, predicted[finite], ends[finite])
         centre = observed.mean()
         axes.axline((centre, centre), slope=1.0, color=MODEL_COLOUR, linewidth=1.2)
-        shown = split_by_series(rows_shown, styles)
+        # The legend below has the series of the last panel.
+        shown = split_by_series(of_column, styles)
         for style, chosen in shown:
             draw_dots(axes, predicted[chosen], observed[chosen], style)
         axes.set_title(axis_label(COLUMNS[column].symbol, unit))
@@ -195,8 +193,8 @@ def draw_predictive(fit: Fitted) -> Figure:
 
 
 def _draw_ends(axes: Axes, x: FloatArray, ends: FloatArray) -> None:
-    """Draw intervals (rows, 2) as bars, of more than MOST_DOTS impacts as the band of their
-    medians.
+    """Draw intervals `ends` (rows, 2) at `x` (rows,) as bars; of more than MOST_DOTS impacts as a
+    band, between medians of their ends in bins.
     """
     count = len(x)
     if count > MOST_DOTS:
@@ -248,6 +246,7 @@ def draw_residuals(fit: Fitted) -> Figure:
     for row_panels, column in zip(panels, columns, strict=True):
         of_column = frame[frame["column"] == column]
         z = of_column["z"].to_numpy(np.float64)
+        # The legend below has the series of the last row.
         shown = split_by_series(of_column, styles)
         for axes, name in zip(row_panels, over, strict=True):
             _, unit = _OVER[name]

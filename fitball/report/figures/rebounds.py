@@ -13,7 +13,7 @@ from fitball.report.quantities import (
     MOST_REBOUNDS,
     column_unit,
     figure_text,
-    first_rows,
+    impact_rows,
     median_or_point,
 )
 from fitball.report.style import MEASURED_COLOUR, MODEL_COLOUR, axis_label, few_ticks, new_figure
@@ -34,13 +34,13 @@ def draw_rebounds(frame: DataFrame) -> Figure:
     """Draw predicted rebounds, a panel a column, over the incident quantity that alone varies, else
     over the impacts in their order.
     """
-    first = first_rows(frame)
+    impacts = impact_rows(frame)
     columns = list(dict.fromkeys(frame["column"]))
-    shown = evenly_spread(len(first), MOST_REBOUNDS)
+    shown = evenly_spread(len(impacts), MOST_REBOUNDS)
     across = min(2, len(columns))
     down = -(-len(columns) // across)
-    has_names = len(first) <= _MOST_NAMES
-    x, x_label = _horizontal_axis(first)
+    has_names = len(impacts) <= _MOST_NAMES
+    x, x_label = _horizontal_axis(impacts)
     high = 0.8 + 1.9 * down + 0.4 * has_names
     figure, panels = new_figure(down, across, high=high, sharex=True)
     flat = panels.ravel()
@@ -57,18 +57,18 @@ def draw_rebounds(frame: DataFrame) -> Figure:
         axes.set_xlabel(x_label)
         if has_names and not x_label:
             names = [""]
-            if len(first) > 1:
-                names = [figure_text(str(name), _NAME_LETTERS) for name in first["id"]]
+            if len(impacts) > 1:
+                names = [figure_text(str(name), _NAME_LETTERS) for name in impacts["id"]]
             rotation = 90 if max(map(len, names)) > _LETTERS_ABREAST else 0
             axes.set_xticks(x, names, rotation=rotation)
     return figure
 
 
-def _horizontal_axis(first: DataFrame) -> tuple[FloatArray, str]:
+def _horizontal_axis(impacts: DataFrame) -> tuple[FloatArray, str]:
     """Where impacts are along the horizontal axis (impacts,), and its label. Without a quantity
     that alone varies they are in their order; then the label is empty if their names are there.
     """
-    states = {name: first[name].to_numpy(np.float64) for name in INCIDENT_UNITS}
+    states = {name: impacts[name].to_numpy(np.float64) for name in INCIDENT_UNITS}
     varying = []
     for name, values in states.items():
         if np.ptp(values) > _VARIES * np.abs(values).max():
@@ -76,9 +76,9 @@ def _horizontal_axis(first: DataFrame) -> tuple[FloatArray, str]:
     if len(varying) == 1:
         name = varying[0]
         unit = INCIDENT_UNITS[name]
-        if len(np.unique(states[name])) == len(first):
+        if len(np.unique(states[name])) == len(impacts):
             return unit.factor * states[name], axis_label(COLUMNS[name].symbol, unit)
-    return np.arange(1.0, len(first) + 1.0), "" if len(first) <= _MOST_NAMES else "impact"
+    return np.arange(1.0, len(impacts) + 1.0), "" if len(impacts) <= _MOST_NAMES else "impact"
 
 
 def _draw_column(axes: Axes, of_column: DataFrame, x: FloatArray) -> None:
@@ -87,6 +87,7 @@ def _draw_column(axes: Axes, of_column: DataFrame, x: FloatArray) -> None:
     # Of the rebound itself where the error of a new measurement is not known.
     low = of_column["new_q025"].fillna(of_column["q025"]).to_numpy(np.float64)
     high = of_column["new_q975"].fillna(of_column["q975"]).to_numpy(np.float64)
+    # Widths of the bars of 95 and 68 %, sizes of the dash of a median and of a measured dot.
     thin, thick, dash, dot = (0.6, 2.0, 4, 2)
     if len(of_column) <= _MOST_THICK:
         thin, thick, dash, dot = (1.2, 5.0, 8, 4)
