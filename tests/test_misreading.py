@@ -21,7 +21,7 @@ def misfit(columns, ball):
 
 
 def test_no_good_table_is_doubted():
-    """One false alarm of 138 is allowed, none is raised today."""
+    """One false alarm of 198 is allowed, none is raised today."""
     forms = (dict, misread.polar, misread.spinless)
     alarms = []
     for design in misread.DESIGNS:
@@ -51,6 +51,68 @@ def test_misread_tables_are_found_and_the_right_reading_is_named():
                 unnamed.append((kind, design))
     assert len(missed) <= 1, missed
     assert len(unnamed) <= 3, unnamed
+
+
+SPOILT_SOFT = (
+    "both spins",
+    "rebound spin",
+    "v_y towards the court",
+    "rpm",
+    "deg/s",
+    "both spins, in rpm",
+    "radians",
+    "ends",
+)
+
+
+@pytest.mark.parametrize("kind", SPOILT_SOFT)
+def test_misread_tables_of_balls_that_lose_most_of_their_speed_are_found(kind):
+    """Golf on turf, cricket, soft ground: restitutions of 0.1 to 0.5."""
+    missed = []
+    for design in misread.SOFT_DESIGNS:
+        columns, ball = misread.table(design, 3)
+        found = readings(misread.MISREADINGS[kind](columns), ball)
+        if not names_the_right_reading(found, columns):
+            missed.append(design)
+    assert len(missed) <= 1, missed
+
+
+# Speed [mph], angle [deg] and spin [rpm, backspin positive] before and after, by a launch monitor.
+TURF = np.array(
+    [
+        [37.1, 51.7, 3253, 12.5, 21.9, -2335],
+        [40.6, 39.5, 2088, 20.5, 14.8, -3872],
+        [32.6, 35.9, 5976, 17.0, 16.6, 706],
+        [45.8, 44.9, 6512, 17.1, 16.2, -1552],
+        [27.4, 35.6, 3671, 14.1, 17.6, -864],
+        [45.9, 36.5, 2237, 24.2, 12.0, -4747],
+        [41.3, 46.4, 6269, 14.1, 22.1, -1182],
+        [57.8, 34.4, 3563, 31.9, 9.4, -4617],
+        [40.9, 37.5, 3970, 20.2, 14.0, -2391],
+        [34.4, 44.6, 1996, 16.4, 18.6, -2920],
+        [34.9, 33.3, 3548, 19.4, 15.5, -1592],
+        [49.3, 38.4, 3050, 23.9, 12.9, -4573],
+        [43.5, 36.3, 2330, 22.6, 13.8, -4345],
+        [41.8, 51.3, 5568, 12.1, 26.0, -2102],
+        [57.4, 44.3, 2912, 25.4, 11.8, -4995],
+        [54.7, 36.1, 3930, 28.7, 9.7, -4088],
+        [40.7, 45.1, 3120, 16.7, 18.3, -3099],
+        [55.9, 35.8, 1572, 30.5, 9.2, -6182],
+        [46.8, 33.8, 4572, 26.0, 11.5, -2026],
+        [49.2, 48.2, 4856, 17.6, 17.7, -3294],
+    ]
+)
+
+
+def test_backspin_of_golf_on_turf_is_flipped_and_no_angle_is():
+    names = ("v_1", "theta_1", "omega_1", "v_2", "theta_2", "omega_2")
+    units = {"v_1": "mph", "v_2": "mph", "omega_1": "rpm", "omega_2": "rpm"}
+    factors = np.array([1 / misread.MPH, 1 / misread.DEG, 1 / misread.RPM] * 2)
+    columns = dict(zip(names, (TURF * factors).T, strict=True))
+    found = better_readings(columns, units, Ball(*misread.GOLF))
+    assert [reading.flip for reading in found] == [("omega_1", "omega_2")]
+    right = columns | {name: -columns[name] for name in misread.SPINS}
+    assert not better_readings(right, units, Ball(*misread.GOLF))
 
 
 @pytest.mark.parametrize(
@@ -179,9 +241,9 @@ def test_a_table_without_noise_costs_what_is_unusual_of_its_ball(surface, spin, 
     assert misfit(columns, Ball(*ball)) == pytest.approx(cost, abs=0.12)
 
 
-def test_no_reading_is_proposed_that_is_absurd_itself():
-    """A ball that rebounds 2.2 times too fast: miles an hour explain it, but no ball has a
-    restitution of 0.22.
+def test_units_of_one_end_do_not_make_a_usual_restitution_unusual():
+    """A rebound that is read 2.2 times too fast: miles an hour explain it. But where the
+    restitution as read is that of a ball on a court, that of a ball on turf is no better.
     """
     columns, ball = misread.table("rolling", 0)
     state = (columns["v_x1"], columns["v_y1"], columns["omega_1"])
@@ -189,8 +251,8 @@ def test_no_reading_is_proposed_that_is_absurd_itself():
     named = []
     for cor in (0.22, 0.5):
         good = after_bounce(state, ball, (0.6, 0.1, 0.0, cor, 0.0))
-        better = readings(in_mph(good), ball)
-        named.append(names_the_right_reading(better, good))
+        found = readings(in_mph(good), ball)
+        named.append(names_the_right_reading(found, good))
     assert named == [False, True]
 
 

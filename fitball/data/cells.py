@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Annotated, Any, TypeAlias
 
@@ -40,7 +40,9 @@ class TableCells:
     numbers are to be multiplied by `factor`. `sha256` is that of the file's bytes, or of names and
     cells in memory.
 
-    The table collects `notes` on what was assumed, and `faults`, for which it is refused.
+    The table collects `notes` on what was assumed, and `faults`, for which it is refused. Faults of
+    rows name columns as the file does: `theirs` are names of the file by ours, where the user gave
+    them.
     """
 
     source: str
@@ -54,6 +56,7 @@ class TableCells:
     faults: list[Fault] = field(default_factory=list)
     above: list[list[str]] = field(default_factory=list)
     factor: float = 1.0
+    theirs: dict[str, str] = field(default_factory=dict)
 
     def text(self, index: int) -> list[str]:
         """The cells of the column of this index as text; whole numbers without a point."""
@@ -112,8 +115,14 @@ class TableCells:
             InputError: There are faults: those of the header first, then row by row.
         """
         if self.faults:
-            faults = sorted(self.faults, key=_sort_key)
+            faults = [self._in_own_columns(fault) for fault in sorted(self.faults, key=_sort_key)]
             raise InputError(self.source, faults, hints)
+
+    def _in_own_columns(self, fault: Fault) -> Fault:
+        """A fault of a row with the column as the file calls it."""
+        if fault.row is None or fault.column is None:
+            return fault
+        return replace(fault, column=self.theirs.get(fault.column, fault.column))
 
 
 def _sort_key(fault: Fault) -> tuple[bool, int]:

@@ -1,4 +1,4 @@
-"""What cannot be: missing columns, limits, signs, contradictions, energy gained by 5 sd.
+"""What cannot be: missing columns, limits, contradictions.
 
 Each check adds faults to `Cells`, by row and column. Numbers are by column, `NAME_sd` among them,
 (rows,) in SI, NaN where nothing was measured, so that no check sees a gap. `units` are symbols by
@@ -21,33 +21,25 @@ from fitball.base.columns import (
     REBOUND,
     velocity_columns,
 )
-from fitball.base.display_units import PLAIN
 from fitball.base.text import listed
 from fitball.base.units import factor_of
-from fitball.base.values import Ball, FloatArray
+from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
-from fitball.data.kinematics import Columns, counting_columns, results_and_slopes, velocity
+from fitball.data.kinematics import Columns, counting_columns, velocity
 
 # Symbols of units by column.
 Units: TypeAlias = Mapping[str, str]
 
 # Columns that determine an incident velocity.
 INCIDENCES = (("v_x1", "v_y1"), ("v_1", "theta_1"), ("v_y1",))
-# Columns that tables which count along a fixed axis have all negative.
-_EQUAL_SIGNS = ("v_y2", "theta_1", "theta_2")
 # Share of the speed, or of the angle, by which columns that say the same may differ without a note:
 # tables print means of repeated throws, and a mean of speeds exceeds the speed of the mean by half
 # the squared relative scatter across it (0.5 % for a scatter of 10 %).
 _NOTED_SHARE = 0.01
 # Share by which they may not: no averaging or misprint of a late digit makes a fifth.
 _FAULTY_SHARE = 0.2
-# Sds of the noise by which no row is above what is possible: by chance one of three million on the
-# bound.
-_MOST_SDS = 5.0
 # Columns of a table, and columns to choose from, that a message names.
 _NAMED_COLUMNS = 20
-# Numbers of a row that a message names.
-_NAMED_NUMBERS = 8
 
 
 def in_unit_of_file(name: str, value: float, units: Units) -> str:
@@ -92,32 +84,6 @@ def missing_columns(
         cells.fault("no-rebound", f"no rebound column; expected one of {forms}{meant}")
     if "omega_2" in present and "omega_1" not in present:
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
-
-
-def equal_signs(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:
-    """The numbers with v_y2 and angles counted positive: turned where they are negative throughout;
-    faults of the rows whose sign is that of fewer.
-    """
-    turned = dict(numbers)
-    for name in _EQUAL_SIGNS:
-        if name not in numbers or not (numbers[name] < 0.0).any():
-            continue
-        negative = numbers[name] < 0.0
-        positive = numbers[name] > 0.0
-        turned[name] = np.abs(numbers[name])
-        if not positive.any():
-            cells.note("turned", f"{name} is negative in every row: its sign was changed")
-            continue
-        odd = positive
-        others = "negative"
-        if negative.sum() <= positive.sum():
-            odd = negative
-            others = "positive"
-        for k in np.flatnonzero(odd).tolist():
-            read = f"read {in_unit_of_file(name, float(numbers[name][k]), units)}"
-            words = f"{read}, but most rows are {others}; expected one sign in all rows"
-            cells.fault("mixed-signs", words, name, k)
-    return turned
 
 
 def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:
@@ -223,77 +189,3 @@ def _note_disagreement(cells: TableCells, name: str, basis: str, share: FloatArr
         where = f"{100.0 * float(share[rows].max()):.2g} % ({named})"
         words = f"{name} differs from {basis} by up to {where}; {basis} are used"
         cells.note("disagreement", words)
-
-
-def energy(
-    cells: TableCells,
-    numbers: Columns,
-    units: Units,
-    ball: Ball,
-    noise: Mapping[str, float],
-    option: str = "",
-) -> None:
-    """Add faults of rows that rebound faster, or with more energy, than they came, by 5 sd of the
-    stated or expected `noise` [SI, by column]. What was not measured of the rebound counts as zero.
-    `option` is what `--columns` takes to read columns of other names that may be meant.
-    """
-    names = [*counting_columns(numbers, "1"), *counting_columns(numbers, "2"), "omega_1", "omega_2"]
-    values = {}
-    for name in names:
-        if name in numbers:
-            array = numbers[name]
-            values[name] = np.nan_to_num(array) if name.endswith("2") else array
-    results, slope = results_and_slopes(lambda columns: _gains(columns, ball), values)
-    variance = np.zeros(slope.shape[:2])
-    for k, name in enumerate(values):
-        sd = np.nan_to_num(np.asarray(numbers.get(f"{name}_sd", noise.get(name, 0.0))))
-        variance += (slope[:, :, k] * sd[..., None]) ** 2
-    blamed = np.zeros(len(slope), dtype=np.bool_)
-    remedy = "look for swapped columns and other units, or state ball and noise in the scene"
-    if "surface_speed" in option:
-        remedy = f'did the surface move? --columns "{option}"'
-    elif names == ["v_y1", "v_y2", "omega_1", "omega_2"] and _most_gain(results):
-        remedy = "look for swapped columns, or add the speed of a moving surface as surface_speed"
-    # Where a slope is not finite nothing is known, and no comparison holds.
-    for code, gain, sds in zip(results, results.values(), np.sqrt(variance).T, strict=True):
-        above = (gain > _MOST_SDS * sds) & ~blamed
-        blamed |= above
-        column = None
-        gained = "the ball gains energy"
-        if code == "restitution":
-            column = next((name for name in ("v_y2", "v_2") if name in values), None)
-            gained = "v_y2 exceeds v_y1"
-        for k in np.flatnonzero(above).tolist():
-            row = [
-                f"{name} = {in_unit_of_file(name, float(array[k]), units)}"
-                for name, array in values.items()
-            ]
-            size = PLAIN.number(gain[k] / sds[k], 2)
-            words = (
-                f"{gained} by {size} sd of the noise: {listed(row, most=_NAMED_NUMBERS)}; expected "
-                f"a loss: {remedy}"
-            )
-            cells.fault(code, words, column, k)
-
-
-def _most_gain(gains: Columns) -> bool:
-    """Whether the ball leaves faster than it came in most rows, as from a racket."""
-    gain = gains.get("restitution", np.zeros(1))
-    return bool(2 * np.sum(gain > 0.0) > gain.size)
-
-
-def _gains(columns: Columns, ball: Ball) -> Columns:
-    """By how much v_y2 exceeds v_y1 [m/s], and energy after energy before, over half the mass
-    [m^2/s^2], each (impacts,).
-    """
-    before = velocity(columns, "1")
-    after = velocity(columns, "2")
-    zero = 0.0 * next(iter(columns.values()))
-    speed_1 = before.get("v_1", before["v_y1"])
-    speed_2 = after.get("v_2", after.get("v_x2", after.get("v_y2", zero)))
-    spins = columns.get("omega_2", zero) ** 2 - columns.get("omega_1", zero) ** 2
-    gains = {}
-    if "v_y2" in after:
-        gains["restitution"] = after["v_y2"] - before["v_y1"]
-    gains["energy"] = speed_2**2 - speed_1**2 + ball.inertia_ratio * ball.radius**2 * spins
-    return gains

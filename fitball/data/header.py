@@ -283,6 +283,8 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
             units[column] = title.unit or stated
             if not optional:
                 _check_units(cells, column, title.unit, stated)
+        if column in naming.theirs and bare_name(title.name) != bare_name(column):
+            cells.theirs[column] = title.name
     _check_user_names(cells, naming, titles, optional)
     guesses = _guesses(titles)
     factors, symbols = _factors(cells, numbers, units)

@@ -62,8 +62,14 @@ _LARGEST_NUMBER = 1e6
 _REPEATING_COLUMNS = 4
 # Groups of repeated rows that are named.
 _NAMED_REPEATS = 4
-# A plausible restitution has a median from and to.
-_PLAUSIBLE_RESTITUTIONS = (0.3, 1.0)
+# A possible restitution has a median from and to: of a ball in sand it is some hundredths.
+_POSSIBLE_RESTITUTIONS = (0.03, 1.0)
+# A usual one, of balls on courts. Golf balls on turf have 0.1 to 0.3.
+_USUAL_RESTITUTIONS = (0.3, 1.0)
+# Log likelihood that a reading with a lower one must make up for where that at hand is usual.
+_COST_OF_UNUSUAL = 10.0
+# Angles whose numbers are all below this [deg] are in radians.
+_MOST_RADIANS = np.pi / 2.0
 # Restitution that stands in for v_y2 where it was not measured.
 _USUAL_RESTITUTION = 0.75
 # The motion along the court that a misfit is a share of: this quantile over the rows.
@@ -143,11 +149,12 @@ def better_readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> t
     if as_read < _LEAST_GAIN_OF_SIGNS:
         return ()
     least = max(_LEAST_GAIN, _LEAST_GAIN_OF_ROW * count)
-    readings = _weighed(_readings(columns, units, ball), before, ball)
+    usual = _restitution_within(columns, *_USUAL_RESTITUTIONS)
+    readings = _weighed(_readings(columns, units, ball), before, usual, ball)
     best = max([0.0, *(reading.gain for reading in readings)])
     if as_read - best > _SELDOM_MISFIT_OF_ROW * count:
         # Two things may be wrong; that is said only where it is much better than one.
-        for pair in _weighed(_pairs_of_changes(columns, units), before, ball):
+        for pair in _weighed(_pairs_of_changes(columns, units), before, usual, ball):
             if pair.gain > best + least:
                 readings.append(pair)
     if not readings:
@@ -210,8 +217,14 @@ def repeated_rows(table: ImpactTable) -> tuple[Note, ...]:
     return (Note("repeated-rows", f"{text}. If they are copies, delete them."),)
 
 
-def _weighed(readings: Iterable[Doubt], before: Misfit, ball: Ball) -> list[Doubt]:
-    """The readings that are plausible and halve the residuals of at least one column, with gains.
+def _weighed(
+    readings: Iterable[Doubt],
+    before: Misfit,
+    usual: bool,
+    ball: Ball,
+) -> list[Doubt]:
+    """The readings that are possible and halve the residuals of at least one column, with gains.
+    One that makes a restitution unusual that is `usual` as read has a cost.
 
     The gain alone is not enough: of balls that graze the court, whose restitution is mostly noise,
     shares of other motions may fall where nothing is explained.
@@ -219,9 +232,14 @@ def _weighed(readings: Iterable[Doubt], before: Misfit, ball: Ball) -> list[Doub
     cost_before, rms_before = before
     weighed = list[Doubt]()
     for reading in readings:
-        if not _plausible(reading.columns):
+        if not _is_possible(reading.columns):
             continue
         cost, rms = misfit(reading.columns, ball)
+        if usual and not _restitution_within(reading.columns, *_USUAL_RESTITUTIONS):
+            if "m/s" in reading.kind.split("+"):
+                # Two ends in two units are said by their restitution alone.
+                continue
+            cost += _COST_OF_UNUSUAL
         if any(rms[name] < 0.5 * rms_before[name] for name in rms_before if name in rms):
             weighed.append(replace(reading, gain=cost_before - reading.cost - cost))
     return weighed
@@ -255,7 +273,7 @@ def _pairs_of_changes(columns: Columns, units: Mapping[str, str]) -> Iterator[Do
                 remedy = "; ".join(filter(None, (first.remedy, second.remedy)))
                 words = f"{first.words} and {second.words}"
                 flip = (*first.flip, *second.flip)
-                yield Doubt(words, second.columns, "two", flip, remedy)
+                yield Doubt(words, second.columns, "+".join(kinds), flip, remedy)
 
 
 def _singles_and_pairs(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -278,7 +296,11 @@ def _with_other_signs(columns: Columns) -> Iterator[Doubt]:
     for names in negated:
         turned = {**columns, **{name: -columns[name] for name in names}}
         yield Doubt(f"{listed(names)} negated", turned, "sign", names)
-    angles = [name for name in ("theta_1", "theta_2") if name in columns]
+    angles = list[str]()
+    for name in ("theta_1", "theta_2"):
+        # Numbers that are radians would all be near the normal.
+        if name in columns and np.any(np.degrees(columns[name]) > _MOST_RADIANS):
+            angles.append(name)
     for names in _singles_and_pairs(angles):
         turned = {**columns, **{name: np.pi / 2.0 - columns[name] for name in names}}
         yield Doubt(f"{listed(names)} measured from the normal", turned, "zero", names)
@@ -398,16 +420,24 @@ def motion(columns: Columns) -> dict[str, FloatArray]:
     return moved
 
 
-def _plausible(columns: Columns) -> bool:
-    """Whether a reading says nothing absurd by itself, such as a restitution above 1 or below
-    0.3.
+def _restitution_within(columns: Columns, least: float, most: float) -> bool:
+    """Whether the median v_y2/v_y1 is from `least` to `most`, or does not follow from the
+    columns.
     """
     moved = motion(columns)
-    if "v_y1" in moved and "v_y2" in moved:
-        # Not as quotients, which may be by zero.
-        least, most = (moved["v_y2"] - share * moved["v_y1"] for share in _PLAUSIBLE_RESTITUTIONS)
-        if np.median(least) < 0.0 or np.median(most) > 0.0:
-            return False
+    if not {"v_y1", "v_y2"} <= moved.keys():
+        return True
+    # Not as quotients, which may be by zero.
+    low, high = (np.median(moved["v_y2"] - share * moved["v_y1"]) for share in (least, most))
+    return bool(low >= 0.0 >= high)
+
+
+def _is_possible(columns: Columns) -> bool:
+    """Whether a reading says nothing absurd by itself: a restitution that no ball has, an angle
+    below the court.
+    """
+    if not _restitution_within(columns, *_POSSIBLE_RESTITUTIONS):
+        return False
     angles = [values for name, values in columns.items() if name.startswith("theta")]
     return all(bool(np.all((values > 0.0) & (values < np.pi))) for values in angles)
 

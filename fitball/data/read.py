@@ -18,12 +18,12 @@ import numpy as np
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
 from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
 from fitball.base.options import Names, read_texts
-from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
 from fitball.data.cells import TableCells, numbers
+from fitball.data.energy import expected_noises, gained_energy
 from fitball.data.error_columns import refusal_of_error
 from fitball.data.forms import velocities_of_forms
 from fitball.data.header import LABELS, Header, Naming, read_header
@@ -32,6 +32,8 @@ from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
 from fitball.data.proposals import with_proposals
 from fitball.data.scene import Scene, load_scene
+from fitball.data.signs import counted_as_ours, note_backwards
+from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.table import ImpactTable, join_tables
 
@@ -107,18 +109,40 @@ def load_table(
     """
     source, name = _located(source)
     scene = _scene(source) if scene is None else scene
-    naming = Naming({**scene.columns, **read_texts("columns", columns)})
-    flip = _names((*_names(flip), *_names(scene.measurement.get("flip", ()))))
-    ignore = _names((*_names(ignore), *_names(scene.measurement.get("ignore", ()))))
-    cells = read_cells(source, naming.worth, name)
+    options = _Options(
+        str(source) if isinstance(source, Path) else name,
+        scene,
+        Naming({**scene.columns, **read_texts("columns", columns)}),
+        _names((*_names(flip), *_names(scene.measurement.get("flip", ())))),
+        _names((*_names(ignore), *_names(scene.measurement.get("ignore", ())))),
+        rebound,
+    )
+    cells = read_cells(source, options.naming.worth, name)
+    if rebound and isinstance(source, Path) and "corr" not in options.ignore:
+        _refuse_covariance_file(cells, source)
+    return _table_of(cells, name, options)
+
+
+class _Options(NamedTuple):
+    """How a source, called `source`, is read, by the arguments of `load_table` and the scene."""
+
+    source: str
+    scene: Scene
+    naming: Naming
+    flip: tuple[str, ...]
+    ignore: tuple[str, ...]
+    rebound: bool
+
+
+def _table_of(cells: TableCells, name: str, options: _Options) -> ImpactTable:
+    """The table of this `name` in cells. Raises InputError, ParameterError (`unknown-column`)."""
+    source, scene, naming, flip, ignore, rebound = options
     header = read_header(cells, naming, () if rebound else _OPTIONAL_COLUMNS)
     header = with_proposals(cells, header, naming)
     if not rebound:
         present = (*header.numbers, "corr")
         flip = tuple(column for column in flip if column in present)
         ignore = tuple(column for column in ignore if column in present)
-    if rebound and isinstance(source, Path) and "corr" not in ignore:
-        _refuse_covariance_file(cells, source)
     _refuse_errors(cells, header, ignore)
     numbers_read = _numbers_of(cells, header, flip, ignore)
     within_limits = checks.limits(cells, numbers_read.columns, header.units)
@@ -127,7 +151,7 @@ def load_table(
         cells, header, within_limits, numbers_read.corr, scene, names_cor=names_cor
     )
     checked = forms.columns
-    _check_physics(cells, header, checked, scene, rebound)
+    _check_physics(cells, header, checked, within_limits, scene, rebound)
     values = _counting_values(checked)
     rows = _usable_rows(cells, values, rebound)
     if cells.faults:
@@ -142,7 +166,7 @@ def load_table(
         labels=_labels(cells, header, rows),
         read=(
             {
-                "source": str(source) if isinstance(source, Path) else name,
+                "source": source,
                 "sha256": cells.sha256,
                 "columns": _pairs(naming.columns),
                 "flip": ",".join(flip),
@@ -155,6 +179,8 @@ def load_table(
     for row in rows[table.impossible()].tolist():
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
     cells.refuse()
+    note_backwards(cells, checked, rows, flip)
+    note_slips(cells, within_limits, header.units)
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
 
 
@@ -181,7 +207,7 @@ def _numbers_of(
             corr[_pair_in(name)] = array
         else:
             columns[name] = array
-    turned, signs = _turned(cells, columns, flip, header.units)
+    turned, signs = counted_as_ours(cells, columns, flip, header.units)
     checks.deviations(cells, turned)
     for pair in corr:
         corr[pair] = corr[pair] * np.prod([signs.get(name, 1.0) for name in pair.split(",")])
@@ -192,16 +218,25 @@ def _check_physics(
     cells: TableCells,
     header: Header,
     columns: _Columns,
+    own: _Columns,
     scene: Scene,
     rebound: bool,
 ) -> None:
-    """Add faults of columns that are missing, contradict others, or say that energy is gained."""
+    """Add faults of columns that are missing, contradict others, or say that energy is gained.
+    `own` are the columns of the file, before other forms became velocities.
+    """
     measured = _measured(columns)
     checks.missing_columns(cells, measured, header.option, rebound)
     if counting_columns(measured, "1") in checks.INCIDENCES:
         checks.redundant(cells, columns, header.units)
-        checks.energy(
-            cells, columns, header.units, scene.ball_value(), _noises(scene), header.option
+        gained_energy(
+            cells,
+            columns,
+            own,
+            header.units,
+            scene.ball_value(),
+            expected_noises(scene),
+            header.option,
         )
 
 
@@ -383,68 +418,6 @@ def _in_si(cells: TableCells, header: Header, ignore: Sequence[str]) -> _Columns
                 cells.note("empty-column", f"{name} has no numbers: read as if it were not there")
                 del columns[name]
     return columns
-
-
-def _turned(
-    cells: TableCells,
-    columns: _Columns,
-    flip: Sequence[str],
-    units: Mapping[str, str],
-) -> tuple[_Columns, dict[str, float]]:
-    """The columns counted as fitball counts, and -1 for each whose errors changed their sign.
-    Raises ParameterError (`unknown-column`).
-    """
-    flipped = dict(columns)
-    signs = dict[str, float]()
-    can_flip = [name for name in _measured(columns) if COLUMNS[name].opposite]
-    for name in flip:
-        if name not in can_flip:
-            hint = suggestion(name, can_flip)
-            words = f"flip: {cells.source} has no column '{name}' to flip; {hint}"
-            raise ParameterError(words, "unknown-column")
-        opposite = COLUMNS[name].opposite
-        if opposite == "negated":
-            flipped[name] = -columns[name]
-        else:
-            flipped[name] = np.pi / 2.0 - columns[name]
-        signs[name] = -1.0
-        cells.note("flipped", f"{name} is read {opposite}, as requested")
-    turned = checks.equal_signs(cells, flipped, units)
-    for name in columns:
-        if turned[name] is not flipped[name]:
-            signs[name] = -signs.get(name, 1.0)
-    return turned, signs
-
-
-def _noises(scene: Scene) -> dict[str, float]:
-    """Noise [SI] of rebound columns that state no errors: that in the scene, else the median of its
-    prior.
-    """
-    noises = {}
-    for name in REBOUND:
-        spec = COLUMNS[name].noise
-        if spec is None:
-            continue
-        stated = _stated_noise(scene, spec)
-        if stated is None:
-            usual = parse_prior(spec)
-            median = usual.value(np.array(usual.location))
-            stated = float(median)
-        noises[name] = stated
-    return noises
-
-
-def _stated_noise(scene: Scene, spec: ParameterSpec) -> float | None:
-    """The sd that a scene states for a noise parameter, held or nominal, or for all velocities."""
-    names = [spec.name]
-    if spec.unit == "m/s":
-        names.append("velocity_sd")
-    for name in names:
-        for key in (name, f"nominal_{name}"):
-            stated = scene.measurement.get(key)
-            if isinstance(stated, float | int):
-                return stated
-    return None
 
 
 def _usable_rows(cells: TableCells, values: _Columns, rebound: bool) -> IntArray:

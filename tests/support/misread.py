@@ -22,6 +22,7 @@ GOLF = (0.0459, 0.02135, 0.4)
 BASKET = (0.62, 0.12, 0.62)
 SUPER = (0.045, 0.0225, 0.4)
 SQUASH = (0.024, 0.02, 0.55)
+CRICKET = (0.16, 0.036, 0.4)
 # Friction, tangential restitution, offset [m], restitution at 10 m/s and its slope [s/m].
 BALL = (0.55, 0.1, 2.5e-3, 0.775, -0.0145)
 BOUNCY = (0.6, 0.1, 2e-3, 0.78, -0.01)
@@ -115,6 +116,50 @@ DESIGNS = {
     ),
     "grazing": Design((15, 30), (3, 8), (-50, 50), surface=SOFT),
 }
+# Balls that lose most of their speed: golf on turf with the restitution of Penner (2002), cricket
+# balls on pitches, and tennis balls on soft ground.
+TURF = (0.43, 0.0, 0.0, 0.225, -0.0195, 9e-4)
+SOFT_DESIGNS = {
+    "golf on turf": Design((12, 26), (34, 52), (-700, -200), (0.1, 10), GOLF, TURF, 20),
+    "steep golf on turf": Design((18, 30), (45, 65), (-1000, -300), (0.15, 15), GOLF, TURF, 20),
+    "driven golf on turf": Design((20, 34), (25, 42), (-400, -100), (0.15, 12), GOLF, TURF, 30),
+    "golf on a soft green": Design(
+        speeds=(15, 28),
+        angles=(35, 55),
+        spins=(-900, -200),
+        noise=(0.15, 15),
+        ball=GOLF,
+        surface=(0.35, 0.0, 0.0, 0.16, -0.005),
+        rows=18,
+    ),
+    "cricket": Design(
+        (26, 34), (8, 16), (-20, 20), (0.1, 5), CRICKET, (0.35, 0, 0, 0.5, -0.01), 18
+    ),
+    "spin bowling": Design(
+        speeds=(18, 25),
+        angles=(15, 35),
+        spins=(-150, 250),
+        noise=(0.15, 8),
+        ball=CRICKET,
+        surface=(0.45, 0.1, 0.0, 0.35, -0.01),
+        rows=24,
+    ),
+    "soft pitch": Design(
+        speeds=(20, 36),
+        angles=(10, 25),
+        spins=(-60, 60),
+        noise=(0.15, 8),
+        ball=CRICKET,
+        surface=(0.6, 0.0, 0.0, 0.22, -0.01),
+        rows=20,
+    ),
+    "soft court": Design(surface=(0.75, 0.0, 3e-3, 0.3, -0.01), noise=(0.2, 10)),
+    "sand": Design(surface=(0.7, 0.0, 3e-3, 0.14, -0.004), noise=(0.15, 10)),
+    "foam ball": Design(
+        (5, 14), (20, 75), (-80, 80), (0.1, 5), surface=(0.6, 0.1, 1e-3, 0.42, -0.02)
+    ),
+}
+DESIGNS |= SOFT_DESIGNS
 
 
 def bounce(v_x, v_y, spin, ball, surface):
@@ -122,9 +167,10 @@ def bounce(v_x, v_y, spin, ball, surface):
     friction mu.
     """
     mass, radius, ratio = ball
-    mu, e_x, offset, cor_10, cor_slope = surface
+    mu, e_x, offset, *cor_of = surface
     inertia = ratio * mass * radius**2
-    cor = np.clip(cor_10 + cor_slope * (v_y - 10.0), 0.05, 1.0)
+    # Of a polynomial about 10 m/s.
+    cor = np.clip(np.polyval(cor_of[::-1], v_y - 10.0), 0.05, 1.0)
     up = cor * v_y
     normal = mass * (v_y + up)
     torque = offset * normal
