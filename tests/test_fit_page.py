@@ -215,6 +215,14 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     assert "assumptions: normal=total" in fit_words.methods(other_model)
 
 
+def test_a_description_of_the_data_is_quoted_as_it_is():
+    described = "Balls at .9 bar, felt worn"
+    (line,) = fit_words.data_lines(fit_by_hand(scene=Scene(source={"description": described})))
+    assert line.endswith(f". {described}.")
+    (bare,) = fit_words.data_lines(fit_by_hand())
+    assert bare.count(".") == 1
+
+
 def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     shares = dict.fromkeys(itf.PACE_CATEGORIES, 0.0) | {"slow": 0.67, "medium-slow": 0.33}
     paced = {
