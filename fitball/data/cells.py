@@ -25,6 +25,8 @@ CellArray: TypeAlias = NDArray[Any]
 
 # Faults of a table that are listed: more are seldom read, and take memory.
 _MOST_FAULTS = 10_000
+# Cells by which a column of numbers is told from one of text.
+_FIRST_CELLS = 50
 # A number, be it of another dialect, or with more behind it.
 _BEGINS_AS_NUMBER = re.compile(r"[+\-\u2212\u2013]?[.,]?[0-9]")
 
@@ -71,6 +73,14 @@ class TableCells:
         if column.dtype.kind != "T":
             return True
         return any(map(_BEGINS_AS_NUMBER.match, column.tolist()))
+
+    def begins_with_numbers(self, index: int) -> bool:
+        """Whether the first cells of the column of this index that are filled in are numbers."""
+        column = self.columns[index][:_FIRST_CELLS]
+        if column.dtype.kind != "T":
+            return True
+        filled = [cell for cell in column.tolist() if cell.lower() not in ABSENT]
+        return all(_BEGINS_AS_NUMBER.match(cell) for cell in filled)
 
     def plain_numbers(self, index: int) -> Annotated[FloatArray, "rows"]:
         """The cells of the column of this index as numbers, with decimal points or commas, NaN

@@ -20,6 +20,7 @@ from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
 from fitball.data.error_columns import ErrorColumns, error_columns, plain_name, says_error
+from fitball.data.spatial import SPATIAL, spatial_name, with_spatial
 
 if TYPE_CHECKING:
     from fitball.data.cells import TableCells
@@ -53,6 +54,7 @@ _LEXICON = {
     "direction": {
         "x": "x horizontal hor horiz tangential tan parallel",
         "y": "y z vertical vert normal perpendicular perp",
+        "z": "lateral sideways sideway seitlich",
     },
     "end": {
         "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
@@ -141,7 +143,7 @@ class Naming:
         self.theirs = dict[str, str]()
         self.units = dict[str, str]()
         for ours, text in self.columns.items():
-            if ours not in NUMBERS and ours not in LABELS:
+            if ours not in NUMBERS and ours not in LABELS and ours not in SPATIAL:
                 guess = listed(guess_of(ours), "or")
                 hint = f"did you mean {guess}?" if guess else suggestion(ours, (*COLUMNS, *LABELS))
                 words = f"columns: '{ours}' is no column of fitball ({ours}={text}): {hint}"
@@ -330,7 +332,13 @@ def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
         for index, title in enumerate(titles):
             if title.ours == "id" and bare_name(title.name) != "id":
                 titles[index] = title._replace(ours=None)
-    return titles
+    names = [bare_name(title.name) for title in titles]
+    meant = list[str]()
+    for title, name in zip(titles, names, strict=True):
+        if title.ours is None and spatial_name(name) is None:
+            meant += guess_of(title.name)
+    ours_or_third = with_spatial(names, [title.ours for title in titles], meant)
+    return [title._replace(ours=our) for title, our in zip(titles, ours_or_third, strict=True)]
 
 
 def _check_units(cells: TableCells, column: str, unit: str | None, stated: str | None) -> None:
@@ -378,12 +386,12 @@ def _factors(
     factors = dict.fromkeys(numbers, 1.0)
     symbols = dict[str, str]()
     for column in numbers:
-        if column not in NUMBERS:
+        if column.startswith("corr("):
             continue
         # A standard deviation without a unit has that of its column.
         base = column.removesuffix("_sd")
         unit = units[column] or units.get(base)
-        si = COLUMNS[base].unit
+        si = COLUMNS[base].unit if base in COLUMNS else SPATIAL[base]
         if _is_share(column, units):
             factors[column] = factor_of(unit, "")
             continue
@@ -423,6 +431,7 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
     """
     unknown = {title.cell: guess_of(title.name) for title in titles if title.ours is None}
     taken = {title.ours for title in titles}
+    unknown |= _third_guesses(titles, unknown)
     taken_or_meant = {*taken, *(guess[0] for guess in unknown.values() if len(guess) == 1)}
     cells_of: dict[str, list[str]] = {}
     for cell, guess in unknown.items():
@@ -431,6 +440,28 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
         if len(free) == 1:
             cells_of.setdefault(free[0], []).append(_with_unit(cell))
     return {column: texts[0] for column, texts in cells_of.items() if len(texts) == 1}
+
+
+def _third_guesses(
+    titles: Sequence[_Title], unknown: Mapping[str, tuple[str, ...]]
+) -> dict[str, tuple[str, ...]]:
+    """What unknown columns may mean that say z, by their cell, where another is or says y: not the
+    vertical component, but the third.
+    """
+    says_z = set()
+    for title in titles:
+        if title.ours is None and "z" in _words_in(title.name):
+            says_z.add(title.cell)
+    others = {title.ours for title in titles}
+    for cell, guess in unknown.items():
+        if cell not in says_z and len(guess) == 1:
+            others |= {*guess}
+    thirds = dict[str, tuple[str, ...]]()
+    for cell in says_z:
+        guess = unknown[cell]
+        if len(guess) == 1 and guess[0] in others:
+            thirds[cell] = (guess[0].replace("v_y", "v_z"),)
+    return thirds
 
 
 def _with_unit(cell: str) -> str:
@@ -482,10 +513,15 @@ def _is_unit(word: str) -> bool:
 
 def _meanings(name: str) -> list[tuple[str, str]]:
     """The meanings of the words of a name, units left out; none if it has other words."""
+    return [_WORDS[word] for word in _words_in(name)]
+
+
+def _words_in(name: str) -> list[str]:
+    """The words of a name, units left out; none if it has other words."""
     if len(name) > _MOST_CHARACTERS:
         return []
-    words = _words_of(bare_name("".join(word for word in name.split() if not _is_unit(word))))
-    return [_WORDS[word] for word in words or []]
+    text = bare_name("".join(word for word in name.split() if not _is_unit(word)))
+    return _words_of(text) or []
 
 
 @lru_cache(10_000)

@@ -30,11 +30,13 @@ from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, doubts, repeated_rows
+from fitball.data.placeholders import note_unused, note_zeros, without_codes
 from fitball.data.proposals import with_proposals
 from fitball.data.scene import Scene, load_scene
 from fitball.data.signs import counted_as_ours, note_backwards
 from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
+from fitball.data.spatial import in_plane
 from fitball.data.table import ImpactTable, join_tables
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
@@ -144,8 +146,10 @@ def _table_of(cells: TableCells, name: str, options: _Options) -> ImpactTable:
         flip = tuple(column for column in flip if column in present)
         ignore = tuple(column for column in ignore if column in present)
     _refuse_errors(cells, header, ignore)
+    note_unused(cells, header)
     numbers_read = _numbers_of(cells, header, flip, ignore)
     within_limits = checks.limits(cells, numbers_read.columns, header.units)
+    note_zeros(cells, within_limits, scene.ball_value())
     names_cor = "cor" in naming.columns
     forms = velocities_of_forms(
         cells, header, within_limits, numbers_read.corr, scene, names_cor=names_cor
@@ -207,7 +211,9 @@ def _numbers_of(
             corr[_pair_in(name)] = array
         else:
             columns[name] = array
-    turned, signs = counted_as_ours(cells, columns, flip, header.units)
+    measured = without_codes(cells, columns, header.factors)
+    planar = in_plane(cells, measured, corr)
+    turned, signs = counted_as_ours(cells, planar, flip, header.units)
     checks.deviations(cells, turned)
     for pair in corr:
         corr[pair] = corr[pair] * np.prod([signs.get(name, 1.0) for name in pair.split(",")])
@@ -275,6 +281,10 @@ def _refuse_with_readings(
     if counting_columns(values, "1") in checks.INCIDENCES:
         columns = {name: with_outliers.get(name, array) for name, array in values.items()}
     readings = better_readings(columns, header.units, ball)
+    for note in cells.notes:
+        if note.code == "zeros":
+            # It may be why energy is gained.
+            cells.fault(note.code, note.text)
     cells.refuse([reading.text for reading in readings])
 
 
