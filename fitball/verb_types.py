@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ForwardRef
 
 if TYPE_CHECKING:
     from fitball.batches.batch import Batch as Batch
-    from fitball.data.read import Sources as Sources
+    from fitball.data.load import Sources as Sources
     from fitball.data.read import TableSource as TableSource
     from fitball.data.scene import Scene as Scene
     from fitball.models.model import Model as Model
@@ -24,8 +24,8 @@ else:
         return ForwardRef(f"__import__('fitball').{name}")
 
     def _of_data(name: str) -> ForwardRef:
-        """A name of `fitball.data.read`, which is imported when the reference is resolved."""
-        return ForwardRef(f"__import__('fitball.data.read').data.read.{name}")
+        """A name of `fitball.data.load`, which is imported when the reference is resolved."""
+        return ForwardRef(f"__import__('fitball.data.load').data.load.{name}")
 
     Batch = _public("Batch")
     Drawn = _public("Drawn")

@@ -18,7 +18,7 @@ from support.fit_by_hand import table_of
 import fitball
 from fitball.base.findings import Findings
 from fitball.cli import main
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 from fitball.data.scene import Scene
 from fitball.inference.density import pointwise
 from fitball.inference.effort import Effort

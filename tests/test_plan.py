@@ -14,7 +14,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 import fitball
 from fitball.base.errors import ParameterError
 from fitball.base.options import names_of
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem

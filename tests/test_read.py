@@ -12,7 +12,8 @@ from fitball.base.errors import InputError, ParameterError
 from fitball.base.values import Ball
 from fitball.data.bundled import printed_table
 from fitball.data.check import check
-from fitball.data.read import load_data, reading_of
+from fitball.data.load import load_data
+from fitball.data.read import reading_of
 
 MPH = 1609.344 / 3600
 

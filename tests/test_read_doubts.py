@@ -10,7 +10,7 @@ from support.impact_rows import HEAD, ROWS, codes, written
 import fitball
 from fitball.base.errors import InputError
 from fitball.data.check import check
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 
 POSSIBLE = {
     "a ball bounces back": ("3,10,-500,-3,4,-200", ""),

@@ -15,7 +15,7 @@ from support.films import Camera, bounces, filmed
 
 import fitball
 from fitball import cli
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 from fitball.data.scene import CameraSection, Scene
 from fitball.tracks.types import TRACKED
 

@@ -140,7 +140,7 @@ def test_compare_of_a_fit_hands_on_all_and_has_its_page(monkeypatch):
 
 def test_compare_hands_on_all_and_has_its_page(monkeypatch):
     room = replaced(monkeypatch, "fitball.uses.compare.compare")
-    read = replaced(monkeypatch, "fitball.data.read.load_data", (sentinel.table, sentinel.scene))
+    read = replaced(monkeypatch, "fitball.data.load.load_data", (sentinel.table, sentinel.scene))
     problems = replaced(monkeypatch, "fitball.uses.compare.problems_of", sentinel.problems)
     choices = {"fix": {"mu": 0.5}, "prior": {"e_x": "uniform(0, 1)"}, "pool": {"all": "none"}}
     compared = fitball.compare(

@@ -8,7 +8,8 @@ from typing import Unpack
 from fitball.base.errors import InputError
 from fitball.base.findings import Findings
 from fitball.data.bundled import descriptions, published_priors
-from fitball.data.read import Reading, Sources, TableSource, list_of_sources, load_data
+from fitball.data.load import Sources, list_of_sources, load_data
+from fitball.data.read import Reading, TableSource
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 

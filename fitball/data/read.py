@@ -1,4 +1,4 @@
-"""From a source to a table: the whole road, and what every fit begins with.
+"""From a source to a table: the whole road.
 
 Source -> cells -> names -> numbers in SI -> flips, one sign, limits -> other forms become
 velocities -> contradictions, energy -> gaps, labels -> `ImpactTable`. Faults are collected on the
@@ -11,12 +11,12 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, TypeAlias, TypedDict, Unpack
+from typing import NamedTuple, TypeAlias, TypedDict
 
 import numpy as np
 
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
-from fitball.base.errors import Fault, InputError, Note, ParameterError, suggestion
+from fitball.base.errors import ParameterError, suggestion
 from fitball.base.options import Names, read_texts
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
@@ -29,7 +29,7 @@ from fitball.data.forms import velocities_of_forms
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
-from fitball.data.misreading import better_readings, doubts, repeated_rows
+from fitball.data.misreading import better_readings, repeated_rows
 from fitball.data.placeholders import note_unused, note_zeros, without_codes
 from fitball.data.proposals import with_proposals
 from fitball.data.scene import Scene, load_scene
@@ -37,12 +37,10 @@ from fitball.data.signs import counted_as_ours, note_backwards
 from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.spatial import in_plane
-from fitball.data.table import ImpactTable, join_tables
+from fitball.data.table import ImpactTable
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
 TableSource: TypeAlias = ImpactTable | str | Path | DataFrame | Mapping[str, object]
-# Several sources, one, or none.
-Sources: TypeAlias = Sequence[TableSource] | TableSource | None
 # Columns (rows,) in SI by name, NaN in gaps.
 _Columns: TypeAlias = dict[str, FloatArray]
 
@@ -109,8 +107,8 @@ def load_table(
         ParameterError: An option names no column (`unknown-column`, `columns`), `columns` is no
             mapping (`pairs`), or the source is no table (`not-a-table`).
     """
-    source, name = _located(source)
-    scene = _scene(source) if scene is None else scene
+    source, name = located(source)
+    scene = scene_beside(source) if scene is None else scene
     options = _Options(
         str(source) if isinstance(source, Path) else name,
         scene,
@@ -358,7 +356,7 @@ def _names(option: object) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(str.strip, names)))
 
 
-def _located(source: TableSource) -> tuple[TableSource, str]:
+def located(source: TableSource) -> tuple[TableSource, str]:
     """The path of a source that is a file, with its sheet, or the source in memory; what its table
     is called. Raises ParameterError (`not-a-table`), FolderError (`not-found`).
     """
@@ -378,7 +376,7 @@ def _located(source: TableSource) -> tuple[TableSource, str]:
     return path, path.stem
 
 
-def _scene(source: TableSource, path: str | Path | None = None) -> Scene:
+def scene_beside(source: TableSource, path: str | Path | None = None) -> Scene:
     """The scene in the file at `path`, or that beside a file of impacts."""
     file = None
     if isinstance(source, Path):
@@ -463,7 +461,7 @@ def _labels(cells: TableCells, header: Header, rows: IntArray) -> dict[str, tupl
         texts[name] = [column[row] for row in usable]
     numbered = cells.rows[rows].astype(str).tolist()
     ids = texts.pop("id", numbered)
-    unique = _unique(ids, numbered)
+    unique = unique_ids(ids, numbered)
     if unique != ids:
         cells.note("ids", "ids that are empty or repeated were made unique")
     labels = {"id": tuple(unique)}
@@ -478,7 +476,7 @@ def _labels(cells: TableCells, header: Header, rows: IntArray) -> dict[str, tupl
     return labels
 
 
-def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
+def unique_ids(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
     """The ids, those that are empty or repeated with the number of the row behind them; the numbers
     alone where that does not make them unique.
     """
@@ -488,85 +486,3 @@ def _unique(ids: Sequence[str], numbered: Sequence[str]) -> list[str]:
         is_unique = text and count[text] == 1
         unique.append(text if is_unique else f"{text} ({number})".strip())
     return unique if len({*unique}) == len(unique) else [*numbered]
-
-
-def load_data(
-    sources: Sources,
-    scene: Scene | str | Path | None,
-    as_read: bool,
-    **reading: Unpack[Reading],
-) -> tuple[ImpactTable, Scene]:
-    """The table and the scene of a fit: one or several tables joined; the scene that is passed, or
-    that beside the first table.
-
-    Readings that explain a table far better are refused or, `as_read`, noted. Scenes beside further
-    tables must name the same ball. `reading` are options of `load_table`.
-
-    Raises:
-        InputError: A table cannot be read or has faults, is probably misread (`misread`), or does
-            not belong to the others (`scenes-differ`, and the codes of `join_tables`).
-        ParameterError: There is no source (`no-data`), an option names no column
-            (`unknown-column`, `columns`), or a source is no table (`not-a-table`,
-            `read-already`).
-        FolderError: There is no such file (`not-found`).
-    """
-    pairs = [_table_and_scene(source, scene, reading) for source in list_of_sources(sources)]
-    if not pairs:
-        raise ParameterError(
-            "no table was given; expected files, data frames, or names of bundled ones",
-            "no-data",
-        )
-    first_scene = pairs[0][1]
-    notes = list[Note]()
-    for table, scene_of_table in pairs:
-        if scene_of_table.ball != first_scene.ball:
-            words = (
-                "the scene beside this table names another ball than that of the first; "
-                "expected one ball, or one scene for all (--scene)"
-            )
-            raise InputError(table.name, [Fault("scenes-differ", words)])
-        readings = [doubt.text for doubt in doubts(table, first_scene.ball_value())]
-        if readings and not as_read:
-            words = (
-                "another reading of the columns fits the data much better; if the table is "
-                "right, pass --as-read"
-            )
-            raise InputError(table.name, [Fault("misread", words)], readings)
-        notes += [Note("misread", f"{table.name}: {text}") for text in readings]
-    tables = [table for table, _ in pairs]
-    # Files of several folders may have one name.
-    numbered = [str(k + 1) for k in range(len(tables))]
-    names = _unique([table.name for table in tables], numbered)
-    named = [replace(table, name=name) for table, name in zip(tables, names, strict=True)]
-    table = join_tables(named)
-    return replace(table, notices=(*table.notices, *notes)), first_scene
-
-
-def list_of_sources(sources: Sources) -> list[TableSource]:
-    """The sources of an argument that is a sequence of them, a single source, or None."""
-    if sources is None:
-        return []
-    if isinstance(sources, Sequence) and not isinstance(sources, str | bytes):
-        return [*sources]
-    return [sources]
-
-
-def _table_and_scene(
-    source: TableSource,
-    scene: Scene | str | Path | None,
-    reading: Reading,
-) -> tuple[ImpactTable, Scene]:
-    """A table and its scene: the scene that is passed, or that beside the table. Raises what
-    `load_table` raises, and ParameterError (`read-already`).
-    """
-    if isinstance(source, ImpactTable):
-        if any(reading.values()):
-            options = listed(reading, "or")
-            words = f"{source.name} has been read already; pass {options} to load_table"
-            raise ParameterError(words, "read-already")
-        read_from = Path(source.read[0]["source"]) if source.read else source
-        return source, scene if isinstance(scene, Scene) else _scene(read_from, scene)
-    located, _ = _located(source)
-    if not isinstance(scene, Scene):
-        scene = _scene(located, scene)
-    return load_table(source, scene=scene, **reading), scene

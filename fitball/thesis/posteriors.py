@@ -11,7 +11,7 @@ from fitball.base.environment import threads
 from fitball.base.progress import Progress
 from fitball.base.values import Ball, DataFrame, FloatArray, Impacts
 from fitball.data.balances import impact_balances
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import draws_of
 from fitball.inference.judgement.first_order import first_order

@@ -24,7 +24,8 @@ from scipy.stats import chisquare
 from study import Record, replicates
 
 from fitball.base.values import FloatArray, Impacts
-from fitball.data.read import load_data, load_table
+from fitball.data.load import load_data
+from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.inference.density import cells, log_posterior, scene_density
 from fitball.inference.effort import Effort

@@ -12,7 +12,7 @@ from msgspec.structs import asdict
 
 import fitball
 from fitball.base.priors import ParameterSpec
-from fitball.data.read import load_data
+from fitball.data.load import load_data
 from fitball.data.scene import Scene
 from fitball.inference import frames, schema
 from fitball.inference.curves import curves_frame

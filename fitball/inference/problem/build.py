@@ -15,7 +15,8 @@ from fitball.base.errors import FitError, Note, ParameterError, suggestion
 from fitball.base.options import read_pairs, read_texts
 from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
-from fitball.data.read import Reading, Sources, load_data
+from fitball.data.load import Sources, load_data
+from fitball.data.read import Reading
 from fitball.data.scene import Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
