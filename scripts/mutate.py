@@ -81,6 +81,7 @@ TESTS = {
     "report": "render fit_page result",
     "uses/hierarchy": "hierarchy batch",
     "uses/lab": "lab",
+    "uses/means": "means",
     "uses/plan": "plan",
     "uses/information": "plan",
     "uses/compare": "compare",

@@ -16,7 +16,8 @@ from fitball.data.scene import BallSection, Scene
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.report import lab as page
-from fitball.uses.lab import drop_test, means, measured_pace
+from fitball.uses.lab import drop_test, measured_pace
+from fitball.uses.means import means
 
 TEST = itf.pace_impact()
 SPREAD = ParameterSpec("spread", "", 0.0, np.inf, "half-t(0.1, 4)", "", "")

@@ -1,0 +1,214 @@
+"""Means of what laboratories measure, weighted by stated errors: against dense linear algebra,
+Student's t, and tables of known truth.
+"""
+
+import numpy as np
+import pytest
+from made_tables import impact_table
+from scipy.optimize import minimize_scalar
+from scipy.stats import t
+
+from fitball.base import itf
+from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.data.read import load_table
+from fitball.data.scene import Scene
+from fitball.uses.lab import drop_test, measured_pace
+from fitball.uses.means import means
+
+SPREAD = parse_prior(ParameterSpec("spread", "", 0.0, np.inf, "half-t(0.01, 4)", "", ""))
+# Twelve normal impacts of a restitution of 0.75, four of them measured badly.
+LABORATORY = """v_y1 [m/s],v_y2 [m/s],v_y2_sd
+7.57,5.416,0.5
+10.89,8.091,0.03
+9.60,7.235,0.03
+7.13,5.732,0.5
+7.65,5.721,0.03
+9.37,7.021,0.03
+8.60,6.051,0.5
+8.54,6.400,0.03
+11.80,8.835,0.03
+8.35,5.816,0.5
+8.08,6.062,0.03
+11.35,8.523,0.03
+"""
+# Of a restitution: four rows measured badly, eight well.
+UNEQUAL = np.array([0.06, 0.004, 0.004] * 4)
+
+
+def mean_of(values, sd=None, group=None, x=None):
+    """Means of values with stated errors, on a line in x."""
+    count = len(values)
+    group = np.zeros(count, np.int64) if group is None else group
+    x = np.zeros(count) if x is None else x
+    return means(values, group, SPREAD, np.random.default_rng(1), x, sd)
+
+
+def by_hand(values, sd, x):
+    """Level and slope, their covariance, degrees of freedom: weights by the mode of the restricted
+    likelihood times the root of the scatter, with dense matrices.
+    """
+    design = np.column_stack([np.ones(len(values)), x])[:, : 1 + bool(np.ptp(x))]
+    freedom = len(values) - design.shape[1]
+
+    def fitted(scatter):
+        inverse = np.diag(1.0 / (sd**2 + scatter**2))
+        information = design.T @ inverse @ design
+        level = np.linalg.solve(information, design.T @ inverse @ values)
+        residual = values - design @ level
+        return level, information, residual @ inverse @ residual
+
+    def minus_log(log_scatter):
+        scatter = np.exp(log_scatter)
+        _, information, squares = fitted(scatter)
+        variances = np.sum(np.log(sd**2 + scatter**2))
+        likelihood = variances + np.linalg.slogdet(information)[1] + squares
+        return 0.5 * likelihood - 0.5 * log_scatter
+
+    ends = np.log([1e-2 * sd.min(), 10.0 * values.std()])
+    best = minimize_scalar(minus_log, bounds=ends, method="bounded", options={"xatol": 1e-9})
+    level, information, squares = fitted(np.exp(best.x))
+    return level, np.linalg.inv(information) * squares / freedom, freedom
+
+
+def covered(sd, errors):
+    """The share of 300 tables with these errors, of which `sd` are stated, whose interval contains
+    the truth, and the median width of these intervals.
+    """
+    rng = np.random.default_rng(12)
+    ends = []
+    for _ in range(300):
+        values = 0.75 + errors * rng.standard_normal(len(sd))
+        ends.append(np.quantile(mean_of(values, sd).mean, (0.025, 0.975)))
+    low, high = np.transpose(ends)
+    return np.mean((low <= 0.75) & (high >= 0.75)), np.median(high - low)
+
+
+@pytest.mark.parametrize("sloped", [False, True])
+def test_stated_errors_weigh_a_mean_as_dense_matrices_do(sloped):
+    rng = np.random.default_rng(4)
+    x = np.linspace(-1.0, 2.0, 12) * sloped
+    values = 0.75 + 0.01 * x + UNEQUAL * rng.standard_normal(12)
+    level, covariance, freedom = by_hand(values, UNEQUAL, x)
+    weighted = mean_of(values, UNEQUAL, x=x)
+    assert weighted.point == pytest.approx(level[0], abs=1e-6)
+    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
+    width = high - low
+    ends = np.quantile(weighted.mean, (0.025, 0.975))
+    assert ends == pytest.approx([low, high], abs=0.01 * width)
+    # Without weights the bad rows count as much as the good ones.
+    plain = mean_of(values, x=x)
+    assert plain.mean.std() > 3.0 * weighted.mean.std()
+
+
+def test_equal_stated_errors_are_students():
+    values = np.array([0.741, 0.747, 0.738, 0.744, 0.749])
+    for sd in (0.001, 0.004, 0.1):
+        weighted = mean_of(values, np.full(5, sd))
+        plain = mean_of(values)
+        assert weighted.point == pytest.approx(plain.point, rel=1e-12)
+        assert weighted.mean == pytest.approx(plain.mean, rel=1e-9)
+    # Repeats that agree in all digits have the errors that they state.
+    same = mean_of(np.full(4, 0.75), np.full(4, 0.01))
+    assert np.ptp(np.quantile(same.mean, (0.025, 0.975))) == pytest.approx(3.92 * 0.005, rel=0.01)
+    assert mean_of(np.full(4, 0.75)).mean.size == 0
+
+
+MILD = np.array([0.005, 0.01, 0.02] * 2)
+
+
+@pytest.mark.parametrize("sd", [UNEQUAL, MILD, np.full(4, 0.01)])
+def test_intervals_contain_the_truth_in_95_percent(sd):
+    share, width = covered(sd, sd)
+    assert 0.93 <= share <= 0.97
+    # By the errors that are known, of weights that are, and Student's t, no interval is shorter.
+    best = 2.0 * t.ppf(0.975, len(sd) - 1) / np.sqrt(np.sum(sd**-2.0))
+    assert best * 0.7 < width < best * 1.4
+
+
+@pytest.mark.parametrize(("sd", "errors"), [(UNEQUAL, 2.0 * UNEQUAL), (MILD, np.hypot(MILD, 0.01))])
+def test_intervals_nearly_hold_where_errors_are_larger_than_stated(sd, errors):
+    share, _ = covered(sd, errors)
+    assert 0.92 <= share <= 0.99
+
+
+def test_repeats_of_balls_are_weighed_by_stated_errors():
+    """Each ball has a bad drop and two good ones: it is as the good ones say."""
+    sd = np.array([0.05, 0.002, 0.002] * 5)
+    group = np.repeat(np.arange(5), 3)
+    truth = np.array([0.74, 0.75, 0.76, 0.745, 0.755])
+    noise = [0.06, 0.002, -0.002, -0.05, -0.001, 0.001, 0.04, 0.003, -0.003, -0.06, 0.0, 0.001]
+    values = truth[group] + np.array([*noise, 0.05, 0.0, 0.001])
+    weighted = mean_of(values, sd, group)
+    assert weighted.each.mean(axis=1) == pytest.approx(truth, abs=0.003)
+    assert weighted.point == pytest.approx(truth.mean(), abs=0.002)
+    plain = mean_of(values, group=group)
+    assert np.abs(plain.each.mean(axis=1) - truth).max() > 0.005
+    # The noise of repeats that happen to agree is what they state.
+    agreeing = truth[group] + np.array([1e-5, -1e-5, 0.0] * 5)
+    assert mean_of(agreeing, np.full(15, 0.004), group).each.std(axis=1).min() > 0.0015
+
+
+def test_balls_dropped_once_differ_by_more_than_their_errors():
+    rng = np.random.default_rng(8)
+    sd = np.array([0.002, 0.03] * 20)
+    values = 0.75 + 0.01 * rng.standard_normal(40) + sd * rng.standard_normal(40)
+    dropped_once = mean_of(values, sd, np.arange(40))
+    # Another ball lies about the mean by the spread of balls, without the errors of bad drops.
+    assert dropped_once.another.std() == pytest.approx(0.01, rel=0.35)
+    assert mean_of(values, group=np.arange(40)).another.std() > 0.015
+
+
+def test_a_drop_test_weighs_the_errors_of_its_table(tmp_path):
+    path = tmp_path / "lab_errors.csv"
+    path.write_text(LABORATORY)
+    (row,) = drop_test(load_table(path), Scene()).to_dict("records")
+    assert row["cor"] == pytest.approx(0.75, abs=0.002)
+    assert row["cor_q025"] < 0.75 < row["cor_q975"]
+    assert row["cor_q975"] - row["cor_q025"] < 0.01
+    plain = drop_test(load_table(path, ignore=("v_y2_sd",)), Scene()).iloc[0]
+    assert plain["cor_q975"] - plain["cor_q025"] > 0.03
+
+
+def test_errors_of_a_restitution_are_those_of_both_speeds_and_their_correlation():
+    rng = np.random.default_rng(3)
+    first = np.full(9, 7.0)
+    second = 5.2 + 0.1 * rng.standard_normal(9)
+    sds = {"v_y1": np.array([0.02, 0.2, 0.05] * 3), "v_y2": np.array([0.1, 0.02, 0.05] * 3)}
+    for correlation in (0.0, 0.9):
+        corr = {("v_y1", "v_y2"): correlation}
+        table = impact_table({"v_y1": first, "v_y2": second}, sd=sds, corr=corr)
+        cor = second / first
+        relative_1 = sds["v_y1"] / first
+        relative_2 = sds["v_y2"] / second
+        together = relative_1**2 + relative_2**2 - 2.0 * correlation * relative_1 * relative_2
+        expected = mean_of(cor, cor * np.sqrt(together))
+        row = drop_test(table, Scene()).iloc[0]
+        assert row["cor"] == pytest.approx(expected.point, rel=1e-9)
+
+
+def test_errors_of_heights_weigh_drops():
+    heights = np.array([140.0, 141.0, 139.0, 120.0, 140.5, 139.5])
+    table = {
+        "drop_height [cm]": np.full(6, 254.0),
+        "rebound_height [cm]": heights,
+        "rebound_height_sd [cm]": np.array([0.5, 0.5, 0.5, 20.0, 0.5, 0.5]),
+    }
+    row = drop_test(load_table(table), Scene()).iloc[0]
+    assert row["rebound"] == pytest.approx(1.40, abs=0.003)
+    assert row["passes"] > 0.95
+
+
+def test_a_court_pace_weighs_the_errors_of_its_table():
+    angle = np.radians(16.0)
+    v_x1 = np.full(6, 30.0 * np.cos(angle))
+    v_y1 = np.full(6, 30.0 * np.sin(angle))
+    friction = np.array([0.60, 0.61, 0.59, 0.75, 0.60, 0.60])
+    cor = 0.8
+    after = {"v_x2": v_x1 - friction * v_y1 * (1.0 + cor), "v_y2": cor * v_y1}
+    sds = {"v_x2": np.array([0.1, 0.1, 0.1, 3.0, 0.1, 0.1]), "v_y2": 0.05}
+    impacts = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": 0.0, **after}
+    rated = measured_pace(impact_table(impacts, sd=sds), Scene()).iloc[0]
+    assert rated["rating"] == pytest.approx(100.0 * (1.0 - 0.6) + 150.0 * (0.81 - cor), abs=0.5)
+    plain = measured_pace(impact_table(impacts), Scene()).iloc[0]
+    assert plain["rating"] == pytest.approx(rated["rating"] - 2.5, abs=0.5)
+    assert sum(rated[name] for name in itf.PACE_CATEGORIES) == pytest.approx(1.0)
