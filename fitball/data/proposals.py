@@ -20,6 +20,7 @@ from fitball.base.units import factor_of
 from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.header import LABELS, Header, Naming, bare_name, guess_of
+from fitball.data.repeats import Mark, are_counted, mark_of, without_unit
 from fitball.data.series import is_count
 
 # What people call columns, by ours, without blanks and signs; a `ratio` may be two of them.
@@ -59,6 +60,16 @@ _MOVERS, _SPEEDS = (frozenset(words.split()) for words in _WORDS_OF_MOVERS.value
 # Share of the steps from an interval or a peak to the next that go down: all but those to the next
 # series, of which each has two intervals or more.
 _LEAST_FALLING = 0.4
+# What names of columns side by side mean beside those of the lexicon.
+_REPEATED = {"bounce": "height", "peak": "height", "apex": "height", "rebound": "rebound height"}
+# What is repeated where columns are called `Trial 1` and so on, by what is known of the fall.
+_AFTER = {"drop_height": "rebound_height", "v_y1": "v_y2", "v_1": "v_2"}
+# Share of a height, or of a time, up to which the next bounce may come; repeats differ less.
+_MOST_KEPT = 0.93
+# Share of the steps from column to column that show successive bounces.
+_NEARLY_ALL = 0.9
+# Heights side by side that are successive bounces, the drop height among them.
+_LEAST_BOUNCES = 3
 # Vertical velocities by the speeds that they are where a ball comes straight down.
 _VERTICAL = {"v_1": "v_y1", "v_2": "v_y2"}
 # Columns that say how a ball came.
@@ -90,6 +101,7 @@ def with_proposals(cells: TableCells, header: Header, naming: Naming) -> Header:
     for column in others:
         if guesses == _without(guesses, column):
             guesses |= _of_end(column, {*header.numbers, *guesses})
+    guesses = _of_repeats(others, header, guesses)
     guesses |= _beside_a_ratio(others, header, guesses)
     # The speed of a surface is none without both of the ball.
     for column in sorted(others, key=_is_of_mover):
@@ -161,6 +173,108 @@ def _measures(unit: str, ours: str) -> bool:
     except ParameterError:
         return False
     return True
+
+
+def _of_repeats(
+    columns: Sequence[_Unknown],
+    header: Header,
+    guesses: Mapping[str, str],
+) -> dict[str, str]:
+    """The guesses with those of columns side by side whose names differ in a mark: repeats, or the
+    successive bounces of each row. `--columns` takes them with `*` for the mark.
+    """
+    with_repeats = dict(guesses)
+    groups: dict[tuple[str, str], list[tuple[_Unknown, Mark]]] = {}
+    for column in columns:
+        mark = mark_of(without_unit(column.cell)[0])
+        if mark is not None:
+            groups.setdefault((mark.name.casefold(), column.unit), []).append((column, mark))
+    for (name, _), group in groups.items():
+        if not are_counted([mark for _, mark in group]):
+            continue
+        alone = with_repeats
+        for column, _ in group:
+            alone = _without(alone, column)
+        known = {*header.numbers, *alone}
+        ours = _repeated(name, [column for column, _ in group], known, word=group[0][1].word)
+        if ours and ours not in known:
+            starred = _starred([column.cell for column, _ in group])
+            unit = group[0][0].unit or _unit_of_fall(columns, header, alone, ours)
+            has_unit = not unit or group[0][0].unit
+            with_repeats = {**alone, ours: starred if has_unit else f"{starred} [{unit}]"}
+    return with_repeats
+
+
+def _unit_of_fall(
+    columns: Sequence[_Unknown],
+    header: Header,
+    guesses: Mapping[str, str],
+    ours: str,
+) -> str:
+    """The unit of the height or speed before the impact, which rebounds without a unit have too;
+    empty where it has none.
+    """
+    for before, after in _AFTER.items():
+        if after == ours and before in header.numbers:
+            return header.units.get(before, "")
+        if after == ours and before in guesses:
+            units = [column.unit for column in columns if column.cell == guesses[before]]
+            return units[0] if units else ""
+    return ""
+
+
+def _repeated(name: str, group: Sequence[_Unknown], known: Collection[str], word: bool) -> str:
+    """What columns side by side are, by the name that they share, whether a `word` such as `trial`
+    stands behind it, and their numbers; empty where that is nothing known.
+    """
+    sides = np.stack([column.values for column in group])
+    falls = _changes_throughout(sides, _MOST_KEPT)
+    meant = _REPEATED.get(bare_name(name), name)
+    candidates = [ours for ours in guess_of(meant) if ours not in known]
+    if len(candidates) == 2 and not word and not (falls and len(group) >= _LEAST_BOUNCES):
+        return ""
+    ours = candidates[-1] if candidates else _OURS.get(bare_name(name), "")
+    if not name and word:
+        ours = next((after for before, after in _AFTER.items() if before in known), "")
+    if falls and ours in HEIGHTS and len(group) >= _LEAST_BOUNCES - (HEIGHTS[0] in known):
+        ours = "peak_height"
+    elif ours in {"bounce_time", "bounce_interval"}:
+        ours = _side_by_side(ours, falls, HEIGHTS[0] in known)
+    return ours if ours and all(_measures(column.unit, ours) for column in group) else ""
+
+
+def _side_by_side(ours: str, falls: bool, dropped: bool) -> str:
+    """What times or intervals side by side are: intervals of successive bounces become shorter;
+    others repeat the flight after a drop, where the table has that.
+    """
+    if falls:
+        return "bounce_interval"
+    if dropped:
+        return FLIGHTS[1] if ours == "bounce_interval" else ""
+    return "bounce_time"
+
+
+def _changes_throughout(sides: FloatArray, most: float) -> bool:
+    """Whether numbers (columns, rows) fall from column to column to at most this share, as what
+    bounces does, in nearly all rows.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = sides[1:] / sides[:-1]
+    return float(np.mean(shares < most)) > _NEARLY_ALL
+
+
+def _starred(cells: Sequence[str]) -> str:
+    """Header cells that differ in a mark, with `*` for it."""
+    start = _shared(cells)
+    end = _shared([cell[len(start) :][::-1] for cell in cells])[::-1]
+    return f"{start}*{end}"
+
+
+def _shared(texts: Sequence[str]) -> str:
+    """The characters with which all of these texts begin."""
+    first = texts[0]
+    alike = [all(text.startswith(first[:size]) for text in texts) for size in range(len(first) + 1)]
+    return first[: sum(alike) - 1]
 
 
 def _beside_a_ratio(

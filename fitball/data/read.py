@@ -32,6 +32,7 @@ from fitball.data.labels import first_spelled
 from fitball.data.misreading import better_readings, repeated_rows
 from fitball.data.placeholders import note_unused, note_zeros, without_codes
 from fitball.data.proposals import with_proposals
+from fitball.data.repeats import in_rows
 from fitball.data.scene import Scene, load_scene
 from fitball.data.signs import counted_as_ours, note_backwards
 from fitball.data.slips import note_slips
@@ -117,7 +118,7 @@ def load_table(
         _names((*_names(ignore), *_names(scene.measurement.get("ignore", ())))),
         rebound,
     )
-    cells = read_cells(source, options.naming.worth, name)
+    cells = in_rows(read_cells(source, options.naming.worth, name), options.naming)
     if rebound and isinstance(source, Path) and "corr" not in options.ignore:
         _refuse_covariance_file(cells, source)
     return _table_of(cells, name, options)

@@ -86,7 +86,8 @@ def single_bounces(cells: TableCells, labels: Mapping[str, int], columns: Column
     sds = columns.get(f"{name}_sd")
     series = _series(cells, labels, name, values)
     own = [incident for incident in _OWN_INCIDENTS if incident in rest]
-    if own and _are_single(series, values, rest[own[0]]):
+    in_columns = len({*cells.rows.tolist()}) < len(cells.rows)
+    if own and not in_columns and _are_single(series, values, rest[own[0]]):
         return Bounces({**rest, **_after(name, values, sds)}, {})
     corr = dict[str, FloatArray]()
     if name == "peak_height":
