@@ -1,6 +1,7 @@
 """Columns of errors by the names that people give them; other than sds are refused."""
 
 import numpy as np
+import pandas
 import pytest
 from made_tables import written
 from numpy.testing import assert_allclose
@@ -186,6 +187,24 @@ def test_what_has_a_name_of_errors_and_no_such_numbers_is_none(name, numbers):
     table = fitball.load_table({"v_y1": ROWS[:, 0], "v_y2": ROWS[:, 1], name: numbers})
     assert table.sd == {}
     assert "errors-read" not in codes_of(table)
+
+
+@pytest.mark.parametrize(
+    "names", [["err_1", "err_2"], ["v_x2_err"], ["error 2"], ["v_y2 err", "v_y2 error"]]
+)
+def test_errors_of_no_column_that_is_there_are_named(names):
+    table = {"v_y1": ROWS[:, 0], "v_y2": ROWS[:, 1]}
+    table |= {name: [0.1, 0.2, 0.1, 0.2] for name in names}
+    (note,) = [note for note in fitball.load_table(table).notices if note.code == "not-used"]
+    assert f"'{names[-1]}'" in note.text
+
+
+def test_columns_of_one_name_are_errors_of_those_before_them(tmp_path):
+    path = written(tmp_path, "v_y1,±,v_y2,±\n5,0.1,4,0.2\n6,0.2,5,0.3\n")
+    for source in (path, pandas.read_csv(path)):
+        table = fitball.load_table(source)
+        assert_allclose(table.sd["v_y1"], [0.1, 0.2])
+        assert_allclose(table.sd["v_y2"], [0.2, 0.3])
 
 
 def test_errors_of_a_column_by_the_name_of_the_user():

@@ -82,6 +82,7 @@ def test_rows_of_another_length_do_not_change_the_separator(tmp_path):
 
 def test_the_name_of_a_data_set_is_no_part_of_a_quantity(tmp_path):
     forms = ["Latest: {} ({})", "Run 12: {} ({})", "{} ({}) Run #3", "{} ({}), Series 2"]
+    forms += ["Run 1 {} ({})", "Data Set 1:{}({})"]
     units = ["m/s", "deg", "m/s", "m/s", "rad/s"]
     for form in forms:
         names = [form.format(*pair) for pair in zip(NAMES, units, strict=True)]
@@ -215,6 +216,22 @@ def test_a_block_of_dos_is_filled_with_anything(tmp_path):
 def test_a_mark_of_dos_among_rows_is_a_fault(tmp_path):
     path = written(tmp_path, "v_y1,v_y2\n5,4\n\x1a\n6,5\n")
     assert faults_of(path) == [("row-length", 2, 3)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v_y1     v_y2\n_____    _____\n\n5.5      4.4\n6.5      5.5\n",
+        "| v_y1 | v_y2 |\n|------|:----:|\n| 5.5 | 4.4 |\n| 6.5 | 5.5 |\n",
+        " v_y1 | v_y2 \n------+------\n  5.5 |  4.4 \n  6.5 |  5.5\n",
+        "v_y1,v_y2\n===,===\n5.5,4.4\n6.5,5.5\n",
+        "Columns 1 through 2\nv_y1 v_y2\n5.5 4.4\n6.5 5.5\n",
+    ],
+)
+def test_rules_below_a_header_are_no_rows(tmp_path, text):
+    table = fitball.load_table(written(tmp_path, text))
+    assert_allclose(table.values["v_y1"], [5.5, 6.5])
+    assert_allclose(table.values["v_y2"], [4.4, 5.5])
 
 
 # ---- rows that sum up a table

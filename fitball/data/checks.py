@@ -106,7 +106,10 @@ def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, Float
             ends = f"more than {ends}"
         for k in np.flatnonzero(bad).tolist():
             read = f"read {in_unit_of_file(name, float(values[k]), units)}"
-            words = f"{read}; expected {ends}: check the unit and the sign"
+            remedy = "check the unit and the sign"
+            if values[k] == 0.0:
+                remedy = "leave the cell empty if nothing was measured"
+            words = f"{read}; expected {ends}: {remedy}"
             cells.fault("out-of-limits", words, name, k)
         within[name] = np.where(bad, np.nan, values)
     return within

@@ -53,6 +53,8 @@ _MOST_CHARACTERS = 60
 _MOST_WORDS = 5
 # What `d`, `s` or `u` before a name means is an error where it is this share of the value at most.
 _MOST_SHARE = 0.5
+# Stands for the column of errors with a number, as of `err_2`: which one it is stays open.
+_NUMBERED = "?"
 # Percent in which no error is stated: a column of them has other numbers.
 _MOST_PERCENT = 100.0
 # Columns of errors that a note names.
@@ -72,12 +74,13 @@ class _ErrorName:
 class ErrorColumns:
     """What columns of errors are, by index: our `names`, and `units` where they are not those that
     the header states. `refused` has what is wrong with the errors of a column by its name,
-    `NAME_sd`.
+    `NAME_sd`; `unread` are indices of columns that speak of errors, of no column that is there.
     """
 
     names: dict[int, str] = field(default_factory=dict)
     units: dict[int, str] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    unread: list[int] = field(default_factory=list)
 
 
 def error_columns(
@@ -97,17 +100,21 @@ def error_columns(
             continue
         base = error.base or _left_of(index, ours)
         column = f"{base}_sd"
-        if base not in ours or column in ours or column in errors.names.values():
-            continue
         form = _form(error, unit)
+        if base not in ours or column in ours or column in errors.names.values():
+            form = "unread" if form else ""
         if form in ("side", "end"):
             sides.setdefault(column, []).append((index, form == "side"))
         elif form in _REFUSED:
             errors.refused[column] = f"'{cells.names[index]}' {_REFUSED[form]}"
-        elif form and _are_errors(cells, index, (base, ours.index(base)), error, unit):
+        elif form in ("sd", "share") and _are_errors(
+            cells, index, (base, ours.index(base)), error, unit
+        ):
             errors.names[index] = column
             if form == "share" and unit is None:
                 errors.units[index] = "%"
+        elif form and cells.begins_with_numbers(index):
+            errors.unread.append(index)
     for column, ends in sides.items():
         if len(ends) > 1 or any(certain for _, certain in ends):
             named = listed(f"'{cells.names[index]}'" for index, _ in ends)
@@ -218,8 +225,10 @@ def _error_name(name: str, known: Known) -> _ErrorName | None:
     if not text or len(text) > _MOST_CHARACTERS:
         return None
     is_expanded = re.match(r"\s*U\s*[(_]", name) is not None and not name.isupper()
+    # The second of two columns of one name is NAME.1 in pandas; other numbers say which one.
+    first_of_name = plain_name(re.sub(r"\.\d{1,3}$", "", name))
     without_number = re.sub(r"(?<=\D)\d+$", "", text)
-    for candidate in dict.fromkeys((text, without_number)):
+    for candidate in dict.fromkeys((first_of_name, text, without_number)):
         taken_apart = _taken_apart(candidate, known)
         if taken_apart is None:
             continue
@@ -227,7 +236,9 @@ def _error_name(name: str, known: Known) -> _ErrorName | None:
         kinds = {_WORDS[word] for word in words} - {"filler"}
         if is_expanded and words == ("u",):
             kinds = {"expanded"}
-        if kinds and (base or kinds & {"error", "relative"}):
+        if not base and (candidate != first_of_name or "1" in words):
+            base = _NUMBERED
+        if kinds and (base in COLUMNS or kinds & {"error", "relative"}):
             return _ErrorName(base, frozenset(kinds), frozenset(words))
     return None
 

@@ -85,12 +85,13 @@ _ROUND = re.compile(r"(?P<name>.*?)\s*/?\s*[({](?P<unit>[^(){}]*)[)}]")
 _GAP = re.compile(r"\s*/\s*|\s+in\s+|\s*[,:;]\s*|[_\s]")
 # The name of a data set before that of a column: `Latest: Time (s)`, of Logger Pro.
 _DATA_SET = re.compile(r"[^:\[\](){}]+:\s*(?P<name>\S.*)")
-# A run behind the name of a column: `Time (s) Run #1`, of Capstone.
-_RUN = re.compile(
-    r"(?P<name>.*[^\s,;])[\s,;]+\(?(?:run|series|set|data set|messung|versuch|lauf|essai)"
-    r"\s*(?:#|no\.?|nr\.?)?\s*\d{1,4}\)?",
-    re.IGNORECASE,
+# What programs call a run of measurements, with its number.
+_RUN_NAME = (
+    r"\(?(?:run|series|set|data set|messung|versuch|lauf|essai)\s*(?:#|no\.?|nr\.?)?\s*\d{1,4}\)?"
 )
+# A run behind or before the name of a column: `Time (s) Run #1`, of Capstone.
+_BEFORE_RUN = re.compile(rf"(?P<name>.*[^\s,;])[\s,;]+{_RUN_NAME}", re.IGNORECASE)
+_BEHIND_RUN = re.compile(rf"{_RUN_NAME}[\s,;]+(?P<name>\S.*)", re.IGNORECASE)
 # `corr(v_x1,gap_time)`.
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
 
@@ -125,7 +126,7 @@ def without_data_set(cell: str) -> str:
     """A header cell without the name of a data set before a colon, or of a run behind it."""
     if len(cell) > _MOST_CHARACTERS:
         return cell
-    for pattern in (_DATA_SET, _RUN):
+    for pattern in (_DATA_SET, _BEFORE_RUN, _BEHIND_RUN):
         if match := pattern.fullmatch(cell.strip()):
             cell = match["name"]
     return cell
@@ -233,6 +234,7 @@ class Header:
     guesses: Mapping[str, str]
     shares: Collection[str] = ()
     refused_errors: Mapping[str, str] = field(default_factory=dict)
+    unread_errors: Collection[int] = ()
     named: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -291,7 +293,7 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
     guesses = _guesses(titles)
     factors, symbols = _factors(cells, numbers, units)
     shares = [column for column in numbers if _is_share(column, units)]
-    return Header(numbers, factors, symbols, labels, guesses, shares, errors.refused)
+    return Header(numbers, factors, symbols, labels, guesses, shares, errors.refused, errors.unread)
 
 
 def _errors_of(cells: TableCells, titles: Sequence[_Title], naming: Naming) -> ErrorColumns:
@@ -439,7 +441,15 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
         free = [ours for ours in guess if ours not in others]
         if len(free) == 1:
             cells_of.setdefault(free[0], []).append(_with_unit(cell))
-    return {column: texts[0] for column, texts in cells_of.items() if len(texts) == 1}
+    guesses = {column: texts[0] for column, texts in cells_of.items() if len(texts) == 1}
+    # Errors of a column that is not there mean nothing.
+    known = {*taken, *guesses}
+    return {column: their for column, their in guesses.items() if _base_of(column) in known}
+
+
+def _base_of(column: str) -> str:
+    """The column that sds are of, or the column itself."""
+    return column.removesuffix("_sd")
 
 
 def _third_guesses(

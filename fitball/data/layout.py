@@ -41,6 +41,8 @@ _FACTOR = re.compile(
 _PLAIN_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 # A larger factor is none.
 _LARGEST_FACTOR = 1e20
+# A cell of a rule below a header.
+_RULE = re.compile(r":?[-_=~+]{3,}:?")
 # A number of a row.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,9}")
 # Rows that are numbered one by one are no decimal fractions by chance.
@@ -117,18 +119,18 @@ def cells_of_records(
             "only blank and comment lines were read; expected a header line and at least two rows"
         )
         raise refusal(source, "empty", words)
-    factor = _factor_above(source, head[:at], notes)
     line, header = head[at]
+    factor = _factor_above(source, head[:at], len(header), notes)
     first_name = header[0].lstrip("# ") or header[0] or name_of_index
     names = [first_name, *header[1:]]
     records.check_shape(source, 1, len(names))
-    below = [cells for _, cells in head[at + 1 :] if not records.is_comment(cells)]
+    below = [cells for _, cells in head[at + 1 :] if not _is_between(cells)]
     if _begin_with_names(below, header):
         names = [name_of_index or ROW_NAMES, *names]
         words = f"rows have one cell more than the header: the first is read as '{names[0]}'"
         notes.append(Note("row-names", words))
     rest = chain(head[at + 1 :], filled)
-    data = (record for record in rest if not records.is_comment(record[1]))
+    data = (record for record in rest if not _is_between(record[1]))
     first = _first_of_data(data, name_worth, notes)
     if first and _factor_of(first[0][1]):
         factor = _noted_factor(first[0], notes)
@@ -153,6 +155,11 @@ def cells_of_records(
     return without_nameless(cells)
 
 
+def _is_between(cells: Sequence[str]) -> bool:
+    """Whether a record is no row: a comment, or a rule such as Matlab and Markdown draw it."""
+    return records.is_comment(cells) or all(map(_RULE.fullmatch, filter(None, cells)))
+
+
 def _first_of_data(
     data: Iterator[Record],
     name_worth: NameWorth,
@@ -169,9 +176,14 @@ def _first_of_data(
     return []
 
 
-def _factor_above(source: str, above: Sequence[Record], notes: list[Note]) -> float:
-    """The factor of all numbers that is written above the header, 1 without one; titles are noted.
-    Raises InputError (`above-header`) for rows of numbers.
+def _factor_above(
+    source: str,
+    above: Sequence[Record],
+    width: int,
+    notes: list[Note],
+) -> float:
+    """The factor of all numbers that is written above a header of this `width`, 1 without one;
+    titles are noted. Raises InputError (`above-header`) for rows of numbers.
     """
     factor = 1.0
     titles = []
@@ -182,7 +194,9 @@ def _factor_above(source: str, above: Sequence[Record], notes: list[Note]) -> fl
             factor = _noted_factor((line, cells), notes)
             continue
         numeric = [cell for cell in cells if NUMBER.fullmatch(cell)]
-        if len(numeric) >= _LEAST_NUMBERS_OF_DATA and cells[0] not in _LEVELS:
+        is_like_data = 2 * len(numeric) > len(cells) or len(cells) == width
+        is_of_data = len(numeric) >= _LEAST_NUMBERS_OF_DATA and is_like_data
+        if is_of_data and cells[0] not in _LEVELS:
             words = (
                 "read a row of numbers above the header; expected the header first: move it "
                 "up, or delete the row"

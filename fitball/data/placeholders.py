@@ -39,7 +39,7 @@ _DROPPED = 0.1
 
 def note_unused(cells: TableCells, header: Header) -> None:
     """Note columns of numbers that are neither read nor labels: of more than twelve values, and no
-    count of rows.
+    count of rows, or of errors of no column that is read.
     """
     proposed = tuple(header.guesses.values())
     unused = []
@@ -47,24 +47,26 @@ def note_unused(cells: TableCells, header: Header) -> None:
         cell = cells.names[index]
         if name in LABELS or role_of(name) or any(their.startswith(cell) for their in proposed):
             continue
-        if not cells.begins_with_numbers(index):
-            continue
-        numbers = cells.plain_numbers(index)
-        measured = numbers[np.isfinite(numbers)]
-        if len(np.unique(measured)) <= _MOST_LABELS or _is_count(numbers):
-            continue
-        missing = np.flatnonzero(~np.isfinite(numbers)).tolist()
-        texts = cells.text(index) if missing else []
-        if all(texts[k].lower() in ABSENT for k in missing):
+        if index in header.unread_errors or _has_many_numbers(cells, index):
             unused.append(f"'{cell}'")
     if unused:
         words = f"not used, numbers of no column of fitball: {listed(unused, most=_NAMED)}"
         cells.note("not-used", words)
 
 
-def _is_count(numbers: FloatArray) -> bool:
-    """Whether numbers (rows,) count the rows."""
-    return bool(np.all(np.diff(numbers) == 1.0))
+def _has_many_numbers(cells: TableCells, index: int) -> bool:
+    """Whether a column has numbers alone, of more than twelve values, which do not count the rows
+    one by one.
+    """
+    if not cells.begins_with_numbers(index):
+        return False
+    numbers = cells.plain_numbers(index)
+    is_measured = np.isfinite(numbers)
+    if len(np.unique(numbers[is_measured])) <= _MOST_LABELS or np.all(np.diff(numbers) == 1.0):
+        return False
+    missing = np.flatnonzero(~is_measured).tolist()
+    texts = cells.text(index) if missing else []
+    return all(texts[k].lower() in ABSENT for k in missing)
 
 
 def without_codes(
