@@ -327,6 +327,16 @@ def test_a_workbook_as_people_keep_it(tmp_path, frame):
     assert_same(table_of(f"{path}#grass #2"), meant(ROWS[:2]))
 
 
+def test_all_sheets_of_a_workbook_are_named(tmp_path, frame):
+    path = tmp_path / "t.xlsx"
+    with pandas.ExcelWriter(path) as book:
+        for name in ("notes", "my balls"):
+            pandas.DataFrame([["what", "who"]]).to_excel(book, sheet_name=name, index=False)
+        frame.to_excel(book, sheet_name="clay", index=False)
+    [note] = [note for note in read_cells(path, Naming({}).worth).notes if note.code == "sheet"]
+    assert all(f"'{name}'" in note.text for name in ("notes", "my balls", "clay"))
+
+
 def test_damaged_files_are_refused(tmp_path, frame):
     frame.to_excel(tmp_path / "t.xlsx", index=False)
     save_ods(frame, tmp_path / "t.ods")

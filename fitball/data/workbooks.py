@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 from fitball.base.errors import Note
-from fitball.base.text import one_line
+from fitball.base.text import listed, one_line
 from fitball.data.records import (
     HEADER_RECORDS,
     NameWorth,
@@ -114,7 +114,9 @@ def workbook_records(
         return iter(())
     name = sheet or next(iter(tables or sheets))
     if len(sheets) > 1 and not sheet:
-        notes.append(Note("sheet", f"sheet '{name}' of {len(sheets)} was read"))
+        others = listed([f"'{other}'" for other in sheets if other != name], most=_NAMED_SHEETS)
+        words = f"sheet '{name}' was read; others: {others} (choose one with '{source}#SHEET')"
+        notes.append(Note("sheet", words))
     return records(name)
 
 
