@@ -170,7 +170,9 @@ def bounce(v_x, v_y, spin, ball, surface):
     mu, e_x, offset, *cor_of = surface
     inertia = ratio * mass * radius**2
     # Of a polynomial about 10 m/s.
-    cor = np.clip(np.polyval(cor_of[::-1], v_y - 10.0), 0.05, 1.0)
+    # A coefficient may be one of each impact.
+    powers = (coefficient * (v_y - 10.0) ** k for k, coefficient in enumerate(cor_of))
+    cor = np.clip(sum(powers), 0.05, 1.0)
     up = cor * v_y
     normal = mass * (v_y + up)
     torque = offset * normal
