@@ -169,6 +169,39 @@ def test_names_of_ones_own_are_proposed_with_the_third_and_then_reduced():
     assert_planar(table, wanted)
 
 
+@pytest.mark.parametrize("azimuth", ["to one side", "to both sides"])
+@pytest.mark.parametrize("word", ["lateral", "lat", "side"])
+def test_a_sideways_component_leaves_the_vertical_as_it_is(azimuth, word):
+    wanted = planar()
+    spatial = without_spins(in_space(wanted, AZIMUTHS[azimuth], "y"))
+    for end in "12":
+        spatial[f"v_y{end}"] = np.abs(spatial[f"v_y{end}"])
+        spatial[f"v_{word}{end}"] = spatial.pop(f"v_z{end}")
+    assert_planar(fitball.load_table(spatial), wanted)
+
+
+def test_u_v_and_w_are_proposed_as_components():
+    wanted = planar()
+    spatial = without_spins(in_space(wanted, AZIMUTHS["to both sides"]))
+    letters = dict(zip("xyz", "uvw", strict=True))
+    names = {name: f"{letters[name[2]]}_{'in' if name[3] == '1' else 'out'}" for name in spatial}
+    own = {names[name]: column for name, column in spatial.items()}
+    message = " ".join(str(refusal_of(own)).split())
+    assert ",".join(f"{ours}={their}" for ours, their in names.items()) in message
+    assert_planar(fitball.load_table(own, columns=names), wanted)
+
+
+def test_a_component_beside_speed_and_angle_is_not_proposed():
+    wanted = planar()
+    polar = {}
+    for end in "12":
+        polar[f"v_{end}"] = np.hypot(wanted[f"v_x{end}"], wanted[f"v_y{end}"])
+        angle = np.arctan2(wanted[f"v_y{end}"], wanted[f"v_x{end}"])
+        polar[f"theta_{end}"] = np.degrees(angle)
+    table = fitball.load_table(polar | {"v_z1": wanted["v_x1"] / 7.0})
+    assert codes_of(table) == ["not-used"]
+
+
 def test_x_and_z_alone_are_a_plane():
     wanted = without_spins(planar())
     named_z = {name.replace("y", "z"): column for name, column in wanted.items()}

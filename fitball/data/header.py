@@ -92,6 +92,8 @@ _RUN_NAME = (
 # A run behind or before the name of a column: `Time (s) Run #1`, of Capstone.
 _BEFORE_RUN = re.compile(rf"(?P<name>.*[^\s,;])[\s,;]+{_RUN_NAME}", re.IGNORECASE)
 _BEHIND_RUN = re.compile(rf"{_RUN_NAME}[\s,;]+(?P<name>\S.*)", re.IGNORECASE)
+# A component of a velocity in three dimensions: `u_in`.
+_UVW = re.compile(r"(?P<letter>[uvw])(?P<rest>(?![a-z]).*)")
 # `corr(v_x1,gap_time)`.
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
 
@@ -431,9 +433,8 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
     """Unknown columns by the name that each may mean: one column for one name that is not there.
     What leaves the end open means the one that no other column is.
     """
-    unknown = {title.cell: guess_of(title.name) for title in titles if title.ours is None}
     taken = {title.ours for title in titles}
-    unknown |= _third_guesses(titles, unknown)
+    unknown = _meanings_of_unknown(titles, taken)
     taken_or_meant = {*taken, *(guess[0] for guess in unknown.values() if len(guess) == 1)}
     cells_of: dict[str, list[str]] = {}
     for cell, guess in unknown.items():
@@ -445,6 +446,22 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
     # Errors of a column that is not there mean nothing.
     known = {*taken, *guesses}
     return {column: their for column, their in guesses.items() if _base_of(column) in known}
+
+
+def _meanings_of_unknown(
+    titles: Sequence[_Title], taken: Collection[str | None]
+) -> dict[str, tuple[str, ...]]:
+    """What unknown columns may mean, by their cell, where `taken` are those that are known."""
+    unknown = {title.cell: guess_of(title.name) for title in titles if title.ours is None}
+    unknown |= _third_guesses(titles, unknown)
+    unknown |= _uvw_guesses(unknown)
+    for end in "12":
+        if f"v_{end}" in taken and f"theta_{end}" in taken:
+            # These say the components; another one contradicts them, or is sideways.
+            for cell, guess in unknown.items():
+                if guess in ((f"v_{axis}{end}",) for axis in "xyz"):
+                    unknown[cell] = ()
+    return unknown
 
 
 def _base_of(column: str) -> str:
@@ -472,6 +489,21 @@ def _third_guesses(
         if len(guess) == 1 and guess[0] in others:
             thirds[cell] = (guess[0].replace("v_y", "v_z"),)
     return thirds
+
+
+def _uvw_guesses(cells: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """What unknown columns may mean by their cell where they are u, v and w of one end."""
+    by_rest: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        if match := _UVW.fullmatch(cell.casefold()):
+            by_rest.setdefault(match["rest"], {})[match["letter"]] = cell
+    guesses = dict[str, tuple[str, ...]]()
+    for rest, cell_by_letter in by_rest.items():
+        end = end_of(f"v{rest}")
+        if end and len(cell_by_letter) == len("uvw"):
+            for letter, axis in zip("uvw", "xyz", strict=True):
+                guesses[cell_by_letter[letter]] = (f"v_{axis}{end}",)
+    return guesses
 
 
 def _with_unit(cell: str) -> str:

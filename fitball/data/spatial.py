@@ -26,12 +26,16 @@ if TYPE_CHECKING:
 SPATIAL: Mapping[str, str] = {
     **dict.fromkeys(("v_z1", "v_z2", "v_z1_sd", "v_z2_sd"), "m/s"),
     **{f"omega_{axis}{end}": "rad/s" for end in "12" for axis in "xyz"},
+    # Sideways for certain, whatever its sign.
+    **dict.fromkeys(("v_lateral1", "v_lateral2"), "m/s"),
 }
 # Share of rows in which a vertical component has the sign of most: noise may turn slow ones.
 _SAME_SIGN = 0.95
 # Share of the speed by which a coordinate that hardly moves changes that along the court at most.
 _HARDLY = 0.01
 _AXES = "xyz"
+# Components that are none of the plane.
+_THIRD = ("v_z1", "v_z2", "v_lateral1", "v_lateral2")
 # What a reduction writes anew.
 _VELOCITIES = {"v_x1", "v_y1", "v_x2", "v_y2"}
 
@@ -46,7 +50,7 @@ def with_spatial(
     known = {*ours, *meant}
     is_spatial = any(f"v_y{end}" in known and f"v_x{end}" in known for end in "12")
     answers = [our or spatial_name(name) for name, our in zip(names, ours, strict=True)]
-    has_third = any(answer in ("v_z1", "v_z2") for answer in answers)
+    has_third = any(answer in _THIRD for answer in answers)
     return answers if is_spatial and has_third else [*ours]
 
 
@@ -56,6 +60,7 @@ def spatial_name(name: str) -> str | None:
 
 
 _BY_NAME = {name.replace("_", ""): name for name in SPATIAL}
+_BY_NAME |= {f"v{word}{end}": f"v_lateral{end}" for word in ("lat", "side") for end in "12"}
 
 
 @dataclass(frozen=True)
@@ -77,9 +82,13 @@ def in_plane(
         InputError: The plane of incidence is not determined (`three-coordinates`).
     """
     planar = {name: column for name, column in columns.items() if name not in SPATIAL}
-    if not any(name in columns for name in ("v_z1", "v_z2")):
+    if not any(name in columns for name in _THIRD):
         return planar
     plane = _plane(columns)
+    if "v_lateral1" in columns or "v_lateral2" in columns:
+        columns = _with_lateral_as_z(columns)
+        signs = {end: _sign(columns.get(f"v_y{end}")) or 1.0 for end in "12"}
+        plane = _Plane("y", signs, ("x", "z"))
     if (plane is None or plane.vertical == "y") and _hardly_moves(columns):
         words = "v_z is not used: with it the speed along the court changes by less than 1 %"
         cells.note("plane-of-incidence", words)
@@ -96,6 +105,12 @@ def in_plane(
         _refuse(cells, f"three components, and {why}: {_in_words(plane)}")
     kept = {k: v for k, v in planar.items() if k.removesuffix("_sd") not in _VELOCITIES}
     return kept | _reduced(cells, columns, plane)
+
+
+def _with_lateral_as_z(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns with sideways components as those along z."""
+    named = {name: column for name, column in columns.items() if name not in ("v_z1", "v_z2")}
+    return {name.replace("lateral", "z"): column for name, column in named.items()}
 
 
 def _refuse(cells: TableCells, words: str) -> NoReturn:
@@ -205,7 +220,7 @@ def _reduced(
         if f"omega_{first}{end}" in columns:
             spins.append(f"omega_{end}")
             reduced[f"omega_{end}"] = _topspin(columns, plane, track, end, up)
-    _note(cells, plane, float(np.nanmax(np.abs(across), initial=0.0)), spins)
+    _note(cells, plane, round(float(np.nanmax(np.abs(across), initial=0.0)), 3), spins)
     return reduced
 
 
@@ -227,9 +242,9 @@ def _topspin(
 def _note(cells: TableCells, plane: _Plane, across: float, spins: Sequence[str]) -> None:
     """Note what was taken as vertical, and what is left out."""
     words = (
-        f"three components: v_{plane.vertical} is read as vertical, v_x is along the track of each "
-        f"impact; up to {PLAIN.number(across)} m/s across it, and sidespin, are not modelled"
+        f"three components: v_{plane.vertical} is read as vertical, v_x as along the track of each "
+        f"impact; up to {PLAIN.number(across, 2)} m/s across it, and sidespin, are not modelled"
     )
     if spins:
-        words += f"; {listed(spins)} is topspin"
+        words += f"; read as topspin: {listed(spins)}"
     cells.note("plane-of-incidence", words)
