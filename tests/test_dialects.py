@@ -14,7 +14,8 @@ from support import workbooks
 
 from fitball.base.errors import FitballError, InputError, ParameterError
 from fitball.data.cells import numbers
-from fitball.data.header import Naming, end_of, guess_of, read_header
+from fitball.data.header import Naming, read_header
+from fitball.data.lexicon import end_of, guess_of
 from fitball.data.proposals import with_proposals
 from fitball.data.read import load_table
 from fitball.data.sources import read_cells

@@ -11,15 +11,23 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
-from fitball.base.columns import COLUMNS, HEIGHTS, OTHER_FORMS
+from fitball.base.columns import COLUMNS, OTHER_FORMS
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
 from fitball.data.error_columns import ErrorColumns, error_columns, plain_name, says_error
+from fitball.data.lexicon import (
+    MOST_CHARACTERS,
+    bare_name,
+    end_of,
+    guess_of,
+    is_unit,
+    without_data_set,
+    words_in,
+)
 from fitball.data.spatial import SPATIAL, spatial_name, with_spatial
 
 if TYPE_CHECKING:
@@ -31,51 +39,13 @@ LABELS = ("id", "surface", "ball", "location", "session", "table")
 NUMBERS = tuple(name + suffix for name in COLUMNS for suffix in ("", "_sd"))
 # Those of which a name that is much alike is a slip: `court` is none of `cor`.
 _SLIPPING = tuple(name for name in NUMBERS if name.removesuffix("_sd") not in OTHER_FORMS)
-# A longer cell is no name of ours, and patterns take time with the square of the length.
-_MOST_CHARACTERS = 100
 # What a name that is probably meant counts for where a header is looked for.
 _WORTH_OF_GUESS = 0.5
 # How alike two names are if one is a slip of the other: one wrong, missing or exchanged character
 # in a name as short as `v_y1`.
 _LEAST_LIKENESS = 0.75
-# Letters of the longest word that a name is cut into.
-_MOST_LETTERS = 20
 # Columns of a table that a message names.
 _NAMED_COLUMNS = 20
-# Words of names by what they mean: quantity, direction, end of the bounce, deviation, nothing.
-_LEXICON = {
-    "quantity": {
-        "v": "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse",
-        "theta": "theta angle angles ang alpha winkel",
-        "omega": "omega spin spins w rot rotation drall",
-        "contact_time": "contacttime tcontact contactduration kontaktzeit tc",
-        "height": "h height heights hoehe höhe",
-    },
-    "direction": {
-        "x": "x horizontal hor horiz tangential tan parallel",
-        "y": "y z vertical vert normal perpendicular perp",
-        "z": "lateral sideways sideway seitlich",
-    },
-    "end": {
-        "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
-        "start approach pitch pitched i vor vorher avant drop dropped fall ein",
-        "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
-        "bounced nach nachher aus après apres",
-    },
-    "sd": {
-        "_sd": "sd std stdev sigma err error errors uncertainty unc fehler unsicherheit erreur "
-        "incertitude"
-    },
-    "filler": {"": "ball of the mean avg average measured launch"},
-}
-_WORDS = {
-    word: (kind, meaning)
-    for kind, meanings in _LEXICON.items()
-    for meaning, words in meanings.items()
-    for word in words.split()
-}
-# Words that alone, as the name of a column, mean a height.
-_OF_A_DROP = {"drop", "fall", "rebound", "bounce"}
 
 # `v_1 [m/s]`.
 _SQUARE = re.compile(r"(?P<name>[^\[\]]*?)\s*/?\s*\[(?P<unit>[^\[\]]*)\]")
@@ -83,26 +53,10 @@ _SQUARE = re.compile(r"(?P<name>[^\[\]]*?)\s*/?\s*\[(?P<unit>[^\[\]]*)\]")
 _ROUND = re.compile(r"(?P<name>.*?)\s*/?\s*[({](?P<unit>[^(){}]*)[)}]")
 # Behind the name: `v_1 / m/s` (ISO 80000), `v_1 in m/s`, `v_1, m/s`, `v_1_mph`.
 _GAP = re.compile(r"\s*/\s*|\s+in\s+|\s*[,:;]\s*|[_\s]")
-# The name of a data set before that of a column: `Latest: Time (s)`, of Logger Pro.
-_DATA_SET = re.compile(r"[^:\[\](){}]+:\s*(?P<name>\S.*)")
-# What programs call a run of measurements, with its number.
-_RUN_NAME = (
-    r"\(?(?:run|series|set|data set|messung|versuch|lauf|essai)\s*(?:#|no\.?|nr\.?)?\s*\d{1,4}\)?"
-)
-# A run behind or before the name of a column: `Time (s) Run #1`, of Capstone.
-_BEFORE_RUN = re.compile(rf"(?P<name>.*[^\s,;])[\s,;]+{_RUN_NAME}", re.IGNORECASE)
-_BEHIND_RUN = re.compile(rf"{_RUN_NAME}[\s,;]+(?P<name>\S.*)", re.IGNORECASE)
 # A component of a velocity in three dimensions: `u_in`.
 _UVW = re.compile(r"(?P<letter>[uvw])(?P<rest>(?![a-z]).*)")
 # `corr(v_x1,gap_time)`.
 _CORR = re.compile(r"\s*corr\(\s*(\w+)\s*,\s*(\w+)\s*\)\s*", re.IGNORECASE)
-
-
-def bare_name(name: str) -> str:
-    """A name without case, blanks, underscores and the like; Greek letters and indices in Latin."""
-    for letter, word in {"θ": "theta", "ϑ": "theta", "ω": "omega", "σ": "sd"}.items():
-        name = name.casefold().replace(letter, word)
-    return re.sub(r"[\s_.\-]+", "", name.translate(str.maketrans("₁₂ₓᵧ", "12xy")))
 
 
 # Our names by what is left of them without underscores.
@@ -114,7 +68,7 @@ def our_name(name: str) -> str | None:
     """Our name of what differs from it in case, blanks and underscores only; correlations in the
     order of COLUMNS.
     """
-    if len(name) > _MOST_CHARACTERS:
+    if len(name) > MOST_CHARACTERS:
         return None
     pair = _CORR.fullmatch(name)
     if pair is None:
@@ -122,16 +76,6 @@ def our_name(name: str) -> str | None:
     both = {our_name(their) for their in pair.groups()}
     ends = [column for column in COLUMNS if column in both]
     return f"corr({','.join(ends)})" if len(ends) == 2 else None
-
-
-def without_data_set(cell: str) -> str:
-    """A header cell without the name of a data set before a colon, or of a run behind it."""
-    if len(cell) > _MOST_CHARACTERS:
-        return cell
-    for pattern in (_DATA_SET, _BEFORE_RUN, _BEHIND_RUN):
-        if match := pattern.fullmatch(cell.strip()):
-            cell = match["name"]
-    return cell
 
 
 class Naming:
@@ -172,7 +116,7 @@ class Naming:
         """What a cell is worth as one of a header: 1 for a name of a column, 0.5 for a text that
         probably means one, 0 for any other.
         """
-        if not cell or len(cell) > _MOST_CHARACTERS or cell[0] in "0123456789+-.,−":
+        if not cell or len(cell) > MOST_CHARACTERS or cell[0] in "0123456789+-.,−":
             return 0.0
         name, _ = self.split(cell)
         if self.by_user(cell, name) or our_name(name):
@@ -195,7 +139,7 @@ class Naming:
         unit must be one.
         """
         text = cell.strip()
-        if len(text) > _MOST_CHARACTERS or our_name(text):
+        if len(text) > MOST_CHARACTERS or our_name(text):
             return text, None
         square = _SQUARE.fullmatch(text)
         bracket = _ROUND.fullmatch(text)
@@ -422,7 +366,7 @@ def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[st
         return
     end = end_of(name)
     free = [ours for ours in _SLIPPING if ours not in taken and end in (None, end_of(ours))]
-    near = get_close_matches(name[:_MOST_CHARACTERS].lower(), free, n=2, cutoff=_LEAST_LIKENESS)
+    near = get_close_matches(name[:MOST_CHARACTERS].lower(), free, n=2, cutoff=_LEAST_LIKENESS)
     if near:
         words = f"unknown column; did you mean {listed(map(repr, near), 'or')}?"
         remedy = "Rename it, or give a column of your own a less similar name"
@@ -459,7 +403,7 @@ def _meanings_of_unknown(
         if f"v_{end}" in taken and f"theta_{end}" in taken:
             # These say the components; another one contradicts them, or is sideways.
             for cell, guess in unknown.items():
-                if guess in ((f"v_{axis}{end}",) for axis in "xyz"):
+                if guess in [(f"v_{axis}{end}",) for axis in "xyz"]:
                     unknown[cell] = ()
     return unknown
 
@@ -477,7 +421,7 @@ def _third_guesses(
     """
     says_z = set()
     for title in titles:
-        if title.ours is None and "z" in _words_in(title.name):
+        if title.ours is None and "z" in words_in(title.name):
             says_z.add(title.cell)
     others = {title.ours for title in titles}
     for cell, guess in unknown.items():
@@ -510,71 +454,5 @@ def _with_unit(cell: str) -> str:
     """A cell with the unit in brackets that stands among its words."""
     if "[" in cell or "(" in cell:
         return cell
-    unit = next(filter(_is_unit, cell.split()), None)
+    unit = next(filter(is_unit, cell.split()), None)
     return f"{cell} [{unit}]" if unit else cell
-
-
-# ---- names by the lexicon
-
-
-def end_of(name: str) -> str | None:
-    """The end of the bounce that a name speaks of: "1" incident, "2" rebound; None where it says
-    neither, or both.
-    """
-    ends = {value for kind, value in _meanings(name) if kind == "end"}
-    if not ends:
-        ends = set(re.findall(r"(?<![0-9])[12](?![0-9])", name))
-    return ends.pop() if len(ends) == 1 else None
-
-
-def guess_of(name: str) -> tuple[str, ...]:
-    """Names of ours that `name` may mean: one where it says which, both ends where it says the
-    quantity only, none where it is no name of an impact's quantity.
-    """
-    meanings = [meaning for meaning in _meanings(without_data_set(name)) if meaning[0] != "filler"]
-    kinds = dict(meanings)
-    usual = "height" if bare_name(name) in _OF_A_DROP else ""
-    quantity = kinds.get("quantity", usual)
-    says_twice = len(kinds) < len(meanings)
-    if not quantity or says_twice or ("direction" in kinds and quantity != "v"):
-        return ()
-    sd = kinds.get("sd", "")
-    if quantity == "contact_time":
-        return (quantity + sd,)
-    ends = kinds.get("end", "12")
-    if quantity == "height":
-        return tuple(HEIGHTS[int(end) - 1] + sd for end in ends)
-    direction = kinds.get("direction", "")
-    return tuple(f"{quantity}_{direction}{end}{sd}" for end in ends)
-
-
-def _is_unit(word: str) -> bool:
-    """Whether a word of a name is a unit, and no word of ours."""
-    return len(word) > 1 and bare_name(word) not in _WORDS and symbol_of(word) is not None
-
-
-def _meanings(name: str) -> list[tuple[str, str]]:
-    """The meanings of the words of a name, units left out; none if it has other words."""
-    return [_WORDS[word] for word in _words_in(name)]
-
-
-def _words_in(name: str) -> list[str]:
-    """The words of a name, units left out; none if it has other words."""
-    if len(name) > _MOST_CHARACTERS:
-        return []
-    text = bare_name("".join(word for word in name.split() if not _is_unit(word)))
-    return _words_of(text) or []
-
-
-@lru_cache(10_000)
-def _words_of(text: str) -> list[str] | None:
-    """The text as words, the longest first; None where no way of cutting it leaves nothing over."""
-    if not text:
-        return []
-    for size in range(min(len(text), _MOST_LETTERS), 0, -1):
-        word = text[:size]
-        if word in _WORDS:
-            rest = _words_of(text[size:])
-            if rest is not None:
-                return [word, *rest]
-    return None

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.text import one_line
 from fitball.base.units import symbol_of
-from fitball.data.header import Naming, bare_name, without_data_set
+from fitball.data.header import Naming
+from fitball.data.lexicon import bare_name, without_data_set
 
 # Columns of the long table with their SI units (`text` of labels), and other names that people and
 # programs give them.
