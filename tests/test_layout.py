@@ -160,6 +160,12 @@ def test_a_title_is_no_factor(tmp_path, title):
     assert codes_of(table) == ["above-header"]
 
 
+@pytest.mark.parametrize("title", ["Values x 10^3", "all numbers × 10³", "speeds (*1e-2)"])
+def test_a_factor_in_a_title_may_be_in_the_numbers_or_not(tmp_path, title):
+    path = written(tmp_path, f"Court 3\n{title}\nv_y1,v_y2\n5,4\n6,5\n")
+    assert faults_of(path) == [("factor", None, 2)]
+
+
 LABVIEW = """LabVIEW Measurement\t
 Writer_Version\t2
 Separator\tTab
@@ -265,6 +271,7 @@ def test_rows_that_sum_up_a_table_in_many_languages(tmp_path, word):
         (["N ="], [[4, 4]]),
         (["min", "Max."], [[5.1, 4.2], [6.6, 5.3]]),
         (["Summe"], [[24.2, 19.8]]),
+        (["Standardfehler", "95%-KI"], [[0.3, 0.2], [0.6, 0.4]]),
         (["Mean", "SD", "n"], [[6.05, 4.95], [0.6, 0.5], [4, 4]]),
         (["Ø", "s", "CV [%]"], [[6.05, 4.95], [0.6, 0.5], [10, 10]]),
     ],

@@ -128,8 +128,11 @@ class Naming:
         before a name of a quantity.
         """
         name, unit = self._parted(cell)
-        inner, unit_of_inner = self._parted(without_data_set(cell))
-        if not self._is_name(name) and (self.by_user(inner) or our_name(inner) in NUMBERS):
+        without = without_data_set(cell)
+        if without == cell or self._is_name(name):
+            return name, unit
+        inner, unit_of_inner = self._parted(without)
+        if self.by_user(inner) or our_name(inner) in NUMBERS:
             return inner, unit_of_inner
         return name, unit
 

@@ -37,6 +37,12 @@ _FACTOR = re.compile(
     r"\s*(?P<behind>[x×*])?",
     re.IGNORECASE,
 )
+# A title that states a factor, of which nobody knows whether the numbers have it already.
+_FACTOR_IN_TITLE = re.compile(
+    r".*[x×*]\s*(?:1(?:[.,]0*)?[ed][+-]?\d{1,2}|10\s*(?:\^|\*\*)\s*[+-]?\d{1,2}"
+    r"|10[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2})\W*",
+    re.IGNORECASE,
+)
 # Digits above the line as others.
 _PLAIN_DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 # A larger factor is none.
@@ -183,7 +189,8 @@ def _factor_above(
     notes: list[Note],
 ) -> float:
     """The factor of all numbers that is written above a header of this `width`, 1 without one;
-    titles are noted. Raises InputError (`above-header`) for rows of numbers.
+    titles are noted. Raises InputError (`above-header`, `factor`) for rows of numbers, and for
+    titles with a factor.
     """
     factor = 1.0
     titles = []
@@ -204,6 +211,12 @@ def _factor_above(
             raise refusal(source, "above-header", words, line)
         if not cells[0].lower().startswith("sep="):
             title = " ".join(filter(None, cells))
+            if _FACTOR_IN_TITLE.fullmatch(title):
+                words = (
+                    f"'{one_line(title, _TITLE_LENGTH)}' states a factor of the numbers; expected "
+                    "numbers without one: compute them, and delete the line"
+                )
+                raise refusal(source, "factor", words, line)
             titles.append(one_line(title, _TITLE_LENGTH))
     if titles:
         words = f"ignored above the header: {listed(map(repr, titles), most=_NAMED_TITLES)}"

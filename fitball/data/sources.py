@@ -6,6 +6,7 @@ import hashlib
 import io
 import os
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +61,7 @@ def read_cells(
 
     Raises:
         InputError: The source cannot be taken apart (`not-found`, `empty`, `too-large`, `encoding`,
-            `quotes`, `above-header`, `not-a-workbook`, `no-sheet`, `several-sheets`,
+            `quotes`, `above-header`, `factor`, `not-a-workbook`, `no-sheet`, `several-sheets`,
             `not-parquet`, `no-pyarrow`, `not-a-table`, `film`, `other-format`,
             `several-tables`).
     """
@@ -82,6 +83,7 @@ def read_cells(
     if suffix in PARQUET:
         return _cells_of_frame(path, _parquet(path, data), name_of_index, sha256)
     notes = list[Note]()
+    name_worth = cache(name_worth)
     if suffix in WORKBOOKS:
         rows = workbook_records(path, data, suffix, sheet, name_worth, notes)
     else:

@@ -46,7 +46,8 @@ _CERTAIN = """
 # Short words for a spread, a count, an end, a sum and a mean.
 _SPREADS = (
     "sd|se|cv|s|sigma|\N{GREEK SMALL LETTER SIGMA}|ci|var|uncertainty|error|fehler|erreur|"
-    "incertitude|unsicherheit|±"
+    "incertitude|unsicherheit|±|ki|95ci|95ki|ci95|ki95|confidence interval|konfidenzintervall|"
+    "intervalle de confiance"
 )
 _COUNTS = "n|count|number|anzahl|effectif|nombre|cuenta|numero|aantal|antal|#"
 _LEAST = "min|minimum"

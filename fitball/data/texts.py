@@ -7,7 +7,6 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
 
 from fitball.base.errors import Note
 from fitball.data.records import (
@@ -73,7 +72,6 @@ def text_records(
     """
     codec = _codec(source, data, notes)
     data = _without_end_mark(data, codec)
-    name_worth = cache(name_worth)
     skipped = _lines_of_program(source, data, codec, notes)
     sample = _sample(_table_lines(source, data, codec, skipped))
 
