@@ -327,6 +327,16 @@ def test_an_error_of_the_surface_moves_both_velocities():
     assert table.corr["v_y1,v_y2"] == pytest.approx([np.corrcoef(seen)[0, 1]] * 2, abs=0.01)
 
 
+def test_a_fit_to_rackets_says_whose_frame_it_is():
+    """The restitution is that between ball and racket, 0.42 in the mean of its making."""
+    ball_in, racket, ball_out = RACKET.T
+    columns = {"v_y1": ball_in, "surface_speed": racket, "v_y2": ball_out}
+    fit = fitball.calibrate(columns, point_only=True)
+    assert fit.summary.loc["cor_median", "point"] == pytest.approx(0.40, abs=0.01)
+    [line] = [line for line in fit.report().splitlines()[:8] if "moving surface" in line]
+    assert line
+
+
 def test_oblique_impacts_on_a_moving_surface():
     columns = {
         "v_1 [m/s]": [20.0, 25.0],

@@ -117,6 +117,12 @@ PROPOSED = {
     "h0,h1,h2,h3\n1,.56,.31,.17\n1.5,.8,.45,.25\n": {"peak_height": "h*"},
     "T1 (s),T2 (s),T3 (s)\n.55,.42,.32\n.5,.38,.29\n": {"bounce_interval": "T* (s)"},
     "t1 (s),t2 (s),t3 (s)\n0.1,.65,1.07\n.2,.70,1.08\n": {"bounce_time": "t* (s)"},
+    # The header of phyphox's "(In)elastic collision", whose height 0 is made up; without energies.
+    '"Bounce 0 (s)","Height 0 (m)","Bounce 1 (s)","Height 1 (m)","Bounce 2 (s)","Height 2 (m)",'
+    '"Bounce 3 (s)","Height 3 (m)"\n'
+    "1.0312E0,6.49E-1,1.5833E0,3.74E-1,1.9987E0,2.12E-1,2.3168E0,1.24E-1\n": {
+        "bounce_time": "Bounce * (s)"
+    },
     "Impact speed (m/s),Rebound speed 1 (m/s),Rebound speed 2 (m/s)\n5,4,4.1\n6,4.6,4.7\n": {
         "v_y1": "Impact speed (m/s)",
         "v_y2": "Rebound speed * (m/s)",
@@ -134,6 +140,7 @@ def test_what_is_proposed_can_be_read(text, tmp_path):
     option = refusal.value.faults[0].message.split('--columns "')[1].split('"')[0]
     assert option == ",".join(f"{ours}={theirs}" for ours, theirs in PROPOSED[text].items())
     table = fitball.load_table(file, columns=PROPOSED[text])
+    assert "not-read" not in notes_of(table)
     assert [*table.values] == ["v_y1", "v_y2"]
     assert len(table) >= 2
 

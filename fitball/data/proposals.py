@@ -63,6 +63,8 @@ _MOVERS, _SPEEDS = (frozenset(words.split()) for words in _WORDS_OF_MOVERS.value
 _LEAST_FALLING = 0.4
 # What names of columns side by side mean beside those of the lexicon.
 _REPEATED = {"bounce": "height", "peak": "height", "apex": "height", "rebound": "rebound height"}
+# What is heard of a bounce, where columns side by side have a unit of time.
+_HEARD = frozenset({"bounce", "impact", "hit", "sound", "click", "aufprall", "rebond"})
 # What is repeated where columns are called `Trial 1` and so on, by what is known of the fall.
 _AFTER = {"drop_height": "rebound_height", "v_y1": "v_y2", "v_1": "v_2"}
 # Share of a height, or of a time, up to which the next bounce may come; repeats differ less.
@@ -190,19 +192,26 @@ def _of_repeats(
         mark = mark_of(without_unit(column.cell)[0])
         if mark is not None:
             groups.setdefault((mark.name.casefold(), column.unit), []).append((column, mark))
-    for (name, _), group in groups.items():
-        if not are_counted([mark for _, mark in group]):
-            continue
+    counted = {key: group for key, group in groups.items() if are_counted([m for _, m in group])}
+    for group in counted.values():
+        for column, _ in group if len(group) >= _LEAST_BOUNCES else ():
+            # One of many is no drop height.
+            with_repeats = _without(with_repeats, column)
+    for (name, _), group in counted.items():
         alone = with_repeats
         for column, _ in group:
             alone = _without(alone, column)
         known = {*header.numbers, *alone}
         ours = _repeated(name, [column for column, _ in group], known, word=group[0][1].word)
-        if ours and ours not in known:
+        beside_times = ours == "peak_height" and not known.isdisjoint(SERIES)
+        if ours and ours not in known and not beside_times:
             starred = _starred([column.cell for column, _ in group])
             unit = group[0][0].unit or _unit_of_fall(columns, header, alone, ours)
             has_unit = not unit or group[0][0].unit
             with_repeats = {**alone, ours: starred if has_unit else f"{starred} [{unit}]"}
+    if not with_repeats.keys().isdisjoint(("bounce_time", "bounce_interval")):
+        # Heights beside times are computed from them, as by phyphox.
+        with_repeats.pop("peak_height", None)
     return with_repeats
 
 
@@ -229,7 +238,9 @@ def _repeated(name: str, group: Sequence[_Unknown], known: Collection[str], word
     stands behind it, and their numbers; empty where that is nothing known.
     """
     sides = np.stack([column.values for column in group])
-    falls = _changes_throughout(sides, _MOST_KEPT)
+    falls = _falls_throughout(sides, _MOST_KEPT)
+    if group[0].unit and _measures(group[0].unit, "bounce_time") and bare_name(name) in _HEARD:
+        return _side_by_side("bounce_time", falls, HEIGHTS[0] in known)
     meant = _REPEATED.get(bare_name(name), name)
     candidates = [ours for ours in guess_of(meant) if ours not in known]
     if len(candidates) == 2 and not word and not (falls and len(group) >= _LEAST_BOUNCES):
@@ -255,7 +266,7 @@ def _side_by_side(ours: str, falls: bool, dropped: bool) -> str:
     return "bounce_time"
 
 
-def _changes_throughout(sides: FloatArray, most: float) -> bool:
+def _falls_throughout(sides: FloatArray, most: float) -> bool:
     """Whether numbers (columns, rows) fall from column to column to at most this share, as what
     bounces does, in nearly all rows.
     """
