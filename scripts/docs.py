@@ -16,6 +16,7 @@ Words are counted without generated parts and output, and without pages for deve
 
 import argparse
 import ast
+import importlib.util
 import os
 import re
 import subprocess
@@ -23,6 +24,8 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from fitball import cli
 from fitball.base import units as spellings
@@ -74,6 +77,17 @@ def table(heads: str, rows: Iterable[Iterable[object]]) -> str:
     """A table of Markdown with heads that are separated by `|`."""
     lines = [heads.split("|"), ["---"] * (heads.count("|") + 1), *rows]
     return "".join(f"| {' | '.join(str(cell) for cell in line)} |\n" for line in lines)
+
+
+def load_script(name: str) -> ModuleType:
+    """Another script of this folder as a module."""
+    place = Path(__file__).with_name(f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, place)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{place} is no module")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def columns_table() -> str:
@@ -204,6 +218,16 @@ def codes_table() -> str:
     return table("carried by|codes", rows)
 
 
+def shapes_table() -> str:
+    """The table of films as packages write them, of `scripts/shapes.py`."""
+    shapes: Any = load_script("shapes")
+    rows = []
+    for shape in shapes.SHAPES:
+        package = f"{shape.package} {shapes.PACKAGES[shape.package]}"
+        rows.append((package, shape.call, f"`{shape.header}`"))
+    return table("written by|call|header, or contents", rows)
+
+
 # What writes a generated part, by the name that pages have for it.
 GENERATORS = {
     "columns": columns_table,
@@ -214,6 +238,7 @@ GENERATORS = {
     "families": families_table,
     "priors": priors_table,
     "codes": codes_table,
+    "shapes": shapes_table,
 }
 
 

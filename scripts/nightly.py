@@ -8,6 +8,7 @@ docs       generated parts, links, words, the commands of all pages, all example
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
 readonly   the main job by a user who can write nothing but the result
+shapes     films as trackers' packages write them, read (scripts/shapes.py)
 types      what pyright says of a user's script
 versions   the wheel of the sdist with the lowest and with the newest packages, on each Python found
 """
@@ -17,6 +18,7 @@ import html
 import itertools
 import json
 import os
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -238,6 +240,23 @@ def check_types(work: Path) -> str:
     return run_command(*test, "tests/test_types.py", PATH=path, PYTHONPATH=str(packages))
 
 
+def check_shapes(work: Path) -> str:
+    """Let trackers' packages write films in an environment of their own, and read these.
+
+    Raises:
+        FailedError: a package cannot be installed or write, or a film is read wrong.
+    """
+    shapes = runpy.run_path(str(ROOT / "scripts" / "shapes.py"))
+    packages = [f"{name}=={version}" for name, version in shapes["PACKAGES"].items()]
+    films = work / "films"
+    films.mkdir()
+    run_command(sys.executable, "-m", "venv", work / "venv")
+    python = work / "venv" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    run_command(python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages)
+    run_command(python, "-W", "ignore", "scripts/shapes.py", "--write", films)
+    return run_command(sys.executable, "-P", "scripts/shapes.py", films)
+
+
 def python_of(version: str) -> str:
     """The Python of a version: that which runs this, one of PATH or of pyenv.
 
@@ -305,13 +324,18 @@ def run_part(work: Path, name: str, *version_and_end: str) -> str:
         )
     if name == "versions":
         return check_versions(work, *version_and_end)
-    checks = {"pages": check_pages, "readonly": check_readonly, "types": check_types}
+    checks = {
+        "pages": check_pages,
+        "readonly": check_readonly,
+        "shapes": check_shapes,
+        "types": check_types,
+    }
     return checks[name](work)
 
 
 def main() -> int:
     """Run the parts and print a line for each; 1 where a part failed."""
-    names = ("pages", *COMMANDS, "readonly", "types", "versions")
+    names = ("pages", *COMMANDS, "readonly", "shapes", "types", "versions")
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -30,7 +30,12 @@ EXACT = {
         "rev/s": 2 * Fraction(pi),
         "rpm": Fraction(1, 60) * 2 * Fraction(pi),
     },
-    "s": {"s": 1, "ms": Fraction(1, 1000), "us": Fraction(1, 1_000_000)},
+    "s": {
+        "s": 1,
+        "ms": Fraction(1, 1000),
+        "us": Fraction(1, 1_000_000),
+        "ns": Fraction(1, 1_000_000_000),
+    },
     "m": {
         "m": 1,
         "cm": Fraction(1, 100),
@@ -58,6 +63,7 @@ SPELLED = {
     "s": "sec|seconds|S",
     "ms": "msec|milliseconds|MS",
     "us": "µs|μs|usec|microseconds",
+    "ns": "nsec|nanosecond|nanoseconds",
     "cm": "CM|centimetre|centimeters",
     "mm": "millimetre",
     "m": "meter|metres",

@@ -27,7 +27,7 @@ _UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     },
     "rad/s": {"rad/s": (1, 1), "deg/s": (pi, 180), "rev/s": (2 * pi, 1), "rpm": (pi, 30)},
     "rad": {"deg": (pi, 180), "rad": (1, 1), "mrad": (1, 1000)},
-    "s": {"s": (1, 1), "ms": (1, 1000), "us": (1, 1_000_000)},
+    "s": {"s": (1, 1), "ms": (1, 1000), "us": (1, 1_000_000), "ns": (1, 1_000_000_000)},
     "m": {"m": (1, 1), "cm": (1, 100), "mm": (1, 1000), "in": (127, 5000), "ft": (381, 1250)},
     "": {"": (1, 1), "1": (1, 1), "-": (1, 1), "%": (1, 100)},
 }
@@ -60,6 +60,7 @@ _WORDS = _by_word(
         "s": "s sec secs second seconds sek sekunde sekunden",
         "ms": "ms msec msecs millisecond milliseconds",
         "us": "us usec microsecond microseconds µs μs",
+        "ns": "ns nsec nanosecond nanoseconds",
         "min": "min mins minute minutes",
         "h": "h hr hrs hour hours std",
         "rad": "rad rads radian radians",

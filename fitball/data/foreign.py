@@ -57,12 +57,14 @@ _SAME = {
     ".docx": ".pdf",
     ".doc": ".pdf",
 }
+# First bytes of a file in HDF5.
+HDF5 = b"\x89HDF\r\n\x1a\n"
 # First bytes of formats, under whatever ending.
 _MAGIC = {
     b"TDSm": ".tdms",
     b"MATLAB 5.0 MAT": ".mat",
     b"MATLAB 7.3 MAT": ".mat",
-    b"\x89HDF\r\n\x1a\n": ".h5",
+    HDF5: ".h5",
     b"RIFF": ".wav",
     b"II*\0": ".tif",
     b"MM\0*": ".tif",

@@ -48,7 +48,8 @@ class BallSection(SceneSection, frozen=True):
 class CameraSection(SceneSection, frozen=True):
     """What the impacts of a camera share. Of fits: `scale`, `clock` (true over measured), `tilt`
     [rad], `court_height` [m]. Of films: rate, scale, directions, `court` [m], `fold` of marks, and
-    `lasting` [m], errors that last over frames, `row_time` [s/px] of a rolling shutter.
+    `lasting` [m], errors that last over frames, `row_time` [s/px] of a rolling shutter,
+    `min_confidence` of frames that are used.
     """
 
     scale: float | ValueWithSd | None = None
@@ -63,6 +64,7 @@ class CameraSection(SceneSection, frozen=True):
     fold: int = 1
     lasting: float = 0.0
     row_time: float | None = None
+    min_confidence: float | None = None
 
 
 class Scene(SceneSection, frozen=True):
@@ -238,6 +240,7 @@ _KEYS: Mapping[str, _Range | tuple[str, ...] | type] = {
     "camera.fold": _Range(1, 100),
     "camera.lasting": _Range(0.0, 0.1, "m"),
     "camera.row_time": _Range(0.0, 0.01, "s"),
+    "camera.min_confidence": _Range(0.0, 1.0),
     "flight.drag": _Range(0.01, 3.0),
     "flight.lift": _Range(-2.0, 2.0),
     "flight.spin_sd": _Range(0.1, 1e4, "rad/s"),

@@ -69,7 +69,7 @@ def read_cells(
         return _cells_of_frame(name or type(source).__name__, source, name_of_index)
     path, sheet = file_and_sheet(str(source))
     refuse_film(path)
-    data = _content(str(source), path)
+    data = bytes_of(str(source), path)
     suffix = Path(path).suffix.lower()
     if not data.strip():
         words = "the file is empty; expected a header line and at least two rows"
@@ -91,8 +91,10 @@ def read_cells(
     return cells_of_records(str(source), sha256, rows, name_worth, notes, name_of_index)
 
 
-def _content(source: str, path: str) -> bytes:
-    """The bytes of a file. Raises InputError (`not-found`, `too-large`)."""
+def bytes_of(source: str, path: str) -> bytes:
+    """The bytes of a file, called `source` in faults. Raises InputError (`not-found`,
+    `too-large`).
+    """
     try:
         # Names that are not UTF-8 cannot be written into results.
         utf8 = path.encode().decode()

@@ -45,10 +45,12 @@ def track(
     columns: Mapping[str, str],
     as_read: bool,
     progress: Progress,
+    ball: str = "",
 ) -> Filmed:
     """The impacts on films. Their velocities, spins and gaps are by two flights (gravity, drag,
     Magnus force), which end and begin at the height of contact. `columns` are the user's header
-    cells by our names; `as_read` takes a film that would be refused as misread.
+    cells by our names; `as_read` takes a film that would be refused as misread; `ball` names the
+    balls among several objects.
 
     Raises:
         InputError: a film has faults (codes of `read_tracks`), its balls do not fall as on earth
@@ -57,7 +59,7 @@ def track(
         ParameterError: no film is passed (`no-data`), or a name is no column of positions
             (`columns`).
     """
-    tracks, notes = read_tracks(sources, scene, columns)
+    tracks, notes = read_tracks(sources, scene, columns, ball)
     source = listed(_names_of(sources), most=3)
     camera = _with_usual_errors(scene.camera or CameraSection())
     assumed = FilmAssumptions.of_scene(scene, camera)
@@ -65,11 +67,11 @@ def track(
     notes += notes_of_ids
     refused = dict[str, str]()
     impacts = list[Impact]()
-    for ball in tracks:
-        of_ball, reason = impacts_of_track(ball, assumed)
-        impacts += of_ball
+    for of_clip in tracks:
+        found_impacts, reason = impacts_of_track(of_clip, assumed)
+        impacts += found_impacts
         if reason:
-            refused[ball.id] = reason
+            refused[of_clip.id] = reason
 
     def refuse_or_note(code: str, words: str) -> None:
         """Refuse the film for the reason in `words`, or note it where it is to be taken as read."""
@@ -98,6 +100,8 @@ def track(
         reasons = dict.fromkeys(map(one_line, refused.values()))
         words = listed(reasons, most=4) or "no row has a position"
         message = f"no impact in {counted(len(tracks), 'track')}: {words}"
+        if omitted := next((note.text for note in notes if note.code == "frames-left-out"), ""):
+            message += f". {omitted}"
         raise InputError(source, [Fault("no-impact", message)])
     film = film_of(sessions, assumed, changed(scene, camera=camera), refused, source)
     refuse_or_note("misread", misread_words(film))

@@ -1,0 +1,223 @@
+"""Positions in HDF5, as SLEAP and DeepLabCut write them, read to the cells of a table.
+
+Both are read as arrays. DeepLabCut writes by pandas and PyTables, whose attributes are pickles:
+names of columns are read from these without anything that a pickle could run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import pickle
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitball.base.text import one_line
+from fitball.base.values import FloatArray
+from fitball.data import records
+from fitball.data.cells import CellArray, TableCells, texts_of
+from fitball.data.records import cell_text, refusal
+from fitball.tracks.names import INDEX
+
+if TYPE_CHECKING:
+    from h5py import Dataset, File, Group
+
+# Axes of the positions of SLEAP where the file does not say them, as it writes for MATLAB.
+_SLEAP_AXES = ("track", "xy", "node", "frame")
+# How the table of a DataFrame is called in its group.
+_TABLE = "table"
+# How rows of names begin in DeepLabCut, from the outer level to the inner one.
+_HEADS = ("scorer", "individuals", "bodyparts")
+# What damaged files raise as arrays, names or pickles.
+_DAMAGED = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    RuntimeError,
+    AttributeError,
+    EOFError,
+    pickle.PickleError,
+)
+
+
+class _Columns(NamedTuple):
+    """Columns by name, in the order of a header."""
+
+    names: list[str]
+    columns: list[Annotated[CellArray, "rows"]]
+    above: list[list[str]]
+
+
+def cells_of_hdf5(source: str, data: bytes) -> TableCells | None:
+    """The cells of positions of SLEAP or DeepLabCut, None of another file in HDF5.
+
+    Raises:
+        InputError: The file is damaged (`other-format`), or too large (`too-large`).
+    """
+    import h5py
+
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            found = _of_sleap(source, file) if "tracks" in file else _of_deeplabcut(source, file)
+    except _DAMAGED as error:
+        words = f"is a file in HDF5 that h5py cannot read ({one_line(str(error))}); save it as CSV"
+        raise refusal(source, "other-format", words) from None
+    if found is None:
+        return None
+    rows = np.arange(len(found.columns[0])) + 1
+    sha256 = hashlib.sha256(data).hexdigest()
+    return TableCells(source, sha256, found.names, found.columns, rows, above=found.above)
+
+
+def _of_sleap(source: str, file: File) -> _Columns:
+    """The columns of an analysis file of SLEAP: `frame`, `track`, and `NODE.x`, `NODE.y`,
+    `NODE.score` of each node; frames of a track that show nothing are left out.
+    """
+    positions = _with_axes(source, file["tracks"], _SLEAP_AXES)
+    count, _, nodes, frames = positions.shape
+    scores = np.full((count, nodes, frames), np.nan)
+    if "point_scores" in file:
+        scores = _with_axes(source, file["point_scores"], ("track", "node", "frame"))
+    tracks = _names(file, "track_names", count) or [f"track_{k}" for k in range(count)]
+    names = ["frame", "track"]
+    columns: list[list[CellArray]] = [[], []]
+    for node in _names(file, "node_names", nodes) or [f"node_{k}" for k in range(nodes)]:
+        names += [f"{node}.x", f"{node}.y", f"{node}.score"]
+        columns += [[], [], []]
+    for k, track in enumerate(tracks):
+        seen = np.flatnonzero(np.isfinite(positions[k]).any(axis=(0, 1)))
+        columns[0].append(seen.astype(np.float64))
+        columns[1].append(texts_of([track] * seen.size))
+        for number in range(nodes):
+            columns[2 + 3 * number].append(positions[k, 0, number, seen])
+            columns[3 + 3 * number].append(positions[k, 1, number, seen])
+            columns[4 + 3 * number].append(scores[k, number, seen])
+    return _Columns(names, [np.concatenate(pieces) for pieces in columns], [])
+
+
+def _with_axes(source: str, dataset: Dataset, usual: tuple[str, ...]) -> FloatArray:
+    """The numbers of a dataset, its axes in the usual order. Raises InputError (`too-large`)."""
+    stated = dataset.attrs.get("dims")
+    axes = usual if stated is None else tuple(json.loads(stated))
+    numbers_of = np.asarray(_values(source, dataset), dtype=np.float64)
+    return np.transpose(numbers_of, [axes.index(axis) for axis in usual])
+
+
+def _values(source: str, dataset: Dataset) -> NDArray[Any]:
+    """The values of a dataset, unless they are too many. Raises InputError (`too-large`)."""
+    if dataset.nbytes > records.MOST_BYTES:
+        most = f"{records.MOST_BYTES / 1e6:.0f} MB"
+        raise records.too_large(source, "an array of a larger size", most)
+    return np.asarray(dataset[()])
+
+
+def _names(file: File, dataset: str, count: int) -> list[str]:
+    """The names of a dataset, empty where there are not as many as expected."""
+    names = [_text(name) for name in file[dataset][()]] if dataset in file else []
+    return names if len(names) == count else []
+
+
+def _text(value: Any) -> str:
+    """A text of HDF5, which may be bytes."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _of_deeplabcut(source: str, file: File) -> _Columns | None:
+    """The columns of a DataFrame that pandas wrote, with its levels of names; None where the file
+    has none.
+    """
+    for group in file.values():
+        kind = _text(getattr(group, "attrs", {}).get("pandas_type", ""))
+        if kind == "frame_table":
+            return _of_table(source, group)
+        if kind == "frame":
+            return _of_blocks(source, group)
+    return None
+
+
+def _of_table(source: str, group: Group) -> _Columns:
+    """The columns of a DataFrame that is one table of PyTables."""
+    table = group[_TABLE]
+    rows = _values(source, table)
+    index, *blocks = rows.dtype.names or ()
+    levels = list[Any]()
+    columns = list[CellArray]()
+    for name in blocks:
+        levels += _pickled(table.attrs[f"{name}_kind"])
+        block = rows[name].reshape(len(rows), -1)
+        columns += [_array(block[:, k]) for k in range(block.shape[1])]
+    return _with_levels(_array(rows[index]), levels, columns)
+
+
+def _of_blocks(source: str, group: Group) -> _Columns:
+    """The columns of a DataFrame in blocks of equal types."""
+    levels = list[Any]()
+    columns = list[CellArray]()
+    for number in range(int(group.attrs["nblocks"])):
+        items = f"block{number}_items"
+        count = int(group.attrs.get(f"{items}_nlevels", 1))
+        labels = [_level(group, items, level, count) for level in range(count)]
+        values = group[f"block{number}_values"]
+        block = _values(source, values)
+        levels += zip(*labels, strict=True)
+        columns += [_array(block[:, k]) for k in range(block.shape[1])]
+    return _with_levels(_array(group["axis1"][()]), levels, columns)
+
+
+def _level(group: Group, items: str, level: int, count: int) -> list[str]:
+    """The names of columns in a level."""
+    if count == 1:
+        return [_text(name) for name in group[items][()]]
+    names = [_text(name) for name in group[f"{items}_level{level}"][()]]
+    return [names[label] for label in group[f"{items}_label{level}"][()]]
+
+
+def _with_levels(
+    index: CellArray,
+    levels: Sequence[Sequence[Any]],
+    columns: list[CellArray],
+) -> _Columns:
+    """The columns of a DataFrame behind its index; several levels of names stand above each other
+    as in a table of DeepLabCut.
+    """
+    *above, names = (
+        [*map(cell_text, level)] for level in zip(*map(_as_tuple, levels), strict=True)
+    )
+    if not above:
+        return _Columns([INDEX, *names], [index, *columns], [])
+    heads = _HEADS if len(above) == len(_HEADS) else (_HEADS[0], _HEADS[-1])
+    rows_above = [[head, *row] for head, row in zip(heads[-len(above) :], above, strict=True)]
+    return _Columns(["coords", *names], [index, *columns], rows_above)
+
+
+def _as_tuple(name: Any) -> Sequence[Any]:
+    """The levels of the name of a column."""
+    return name if isinstance(name, tuple | list) else (name,)
+
+
+def _array(values: NDArray[Any]) -> CellArray:
+    """Values (rows,) as numbers, or as texts."""
+    if values.dtype.kind in "iufb":
+        return values.astype(np.float64)
+    return texts_of([cell_text(_text(value)) for value in values.tolist()])
+
+
+class _Harmless(pickle.Unpickler):
+    """Reads pickles of texts, numbers, lists and tuples."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Nothing: what a pickle names is code. Raises UnpicklingError."""
+        raise pickle.UnpicklingError(f"a pickle names {module}.{name}")
+
+
+def _pickled(attribute: bytes) -> list[Any]:
+    """The list in an attribute of PyTables. Raises UnpicklingError for anything that could run."""
+    value = _Harmless(io.BytesIO(bytes(attribute)), encoding="utf-8").load()
+    if not isinstance(value, list):
+        raise pickle.UnpicklingError("an attribute has no list of names")
+    return value

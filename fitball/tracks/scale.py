@@ -1,0 +1,80 @@
+"""Metres a pixel of a clip: as stated, or by the ball itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from fitball.base.display_units import MM
+from fitball.base.text import one_line
+from fitball.base.values import FloatArray, IntArray
+from fitball.data.cells import TableCells
+from fitball.data.scene import CameraSection, Scene, ValueWithSd
+
+# Fewest frames with a radius of the ball that make a scale.
+_FEWEST_RADII = 5
+# Relative difference of a stated scale from that of the radii up to which no note is due.
+_MOST_SCALE_DIFFERENCE = 0.02
+
+
+class Clip(NamedTuple):
+    """Numbers (frames,) of one clip by column; its `rows` among those of the file; `order`, the
+    frames in which the ball was found, by time.
+    """
+
+    name: str
+    rows: IntArray
+    values: Mapping[str, FloatArray]
+    order: IntArray
+
+    def column(self, name: str, usual: float) -> FloatArray:
+        """The numbers (frames,) of a column, or the usual number in all frames without one."""
+        return self.values.get(name, np.full(self.rows.size, usual))
+
+
+def metres_per_px(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str]) -> float:
+    """Metres a pixel of a clip, as stated or by the radius of the ball in the picture; 1 where no
+    column, of those in `pixels`, needs it. A missing scale is a fault.
+    """
+    camera = scene.camera or CameraSection()
+    stated = 1e-3 * (camera.mm_per_px or 0.0)
+    by_ball = _scale_of_ball(scene, clip, pixels)
+    if stated and by_ball and abs(stated / by_ball - 1.0) > _MOST_SCALE_DIFFERENCE:
+        measured = f"{MM.number(by_ball)} mm/px"
+        words = (
+            f"the radius of the ball gives {measured}, the stated scale is "
+            f"{MM.factor * stated:.3g} mm/px"
+        )
+        cells.note("scales-differ", f"{one_line(clip.name)}: {words}")
+    scale = stated or by_ball
+    if scale:
+        return scale
+    if "x" in pixels or "y" in pixels or camera.row_time:
+        words = (
+            "positions in pixels, and row_time, need a scale: expected --mm-per-px, "
+            "mm_per_px in [camera], or --ball-diameter and a column radius [px]"
+        )
+        if all(fault.code != "no-scale" for fault in cells.faults):
+            cells.fault("no-scale", words)
+    return 1.0
+
+
+def _scale_of_ball(scene: Scene, clip: Clip, pixels: set[str]) -> float:
+    """Metres a pixel by the radius of the ball, if the scene states it and enough frames show it;
+    else 0.
+    """
+    radius = scene.ball.radius
+    if isinstance(radius, ValueWithSd):
+        radius = radius.value
+    scale = 0.0
+    if radius is None:
+        return scale
+    for name, share in (("radius", 1.0), ("diameter", 0.5)):
+        if name in pixels:
+            sizes = clip.values[name][clip.order]
+            sizes = sizes[sizes > 0.0]
+            if sizes.size >= _FEWEST_RADII:
+                scale = radius / (share * float(np.median(sizes)))
+    return scale
