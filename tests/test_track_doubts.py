@@ -1,5 +1,5 @@
-"""What `track` notices in positions as programs write them: angles that are no marks, ids that
-change at a bounce. Controls are films that are right.
+"""What `track` notices in positions as programs write them: angles that are no marks, or mean
+something else, ids that change at a bounce. Controls are films that are right.
 """
 
 from dataclasses import replace
@@ -24,10 +24,10 @@ def codes_of(film):
     return {note.code for note in film.notes}
 
 
-def tracked(table, fps, **camera):
+def tracked(table, fps, as_read=False, **camera):
     """A film as `track` measures it, with a court at zero if nothing else is passed."""
-    stated = {"fps": fps, "court": 0.0, **camera}
-    return fitball.track(table, scene=Scene(camera=CameraSection(**stated)), progress=False)
+    scene = Scene(camera=CameraSection(**{"fps": fps, "court": 0.0, **camera}))
+    return fitball.track(table, scene=scene, as_read=as_read, progress=False)
 
 
 def film_of(seed, count=1, **camera):
@@ -197,3 +197,71 @@ def test_tracks_of_different_balls_are_not_joined():
     film = tracked(plain, 240)
     assert "ids-joined" not in codes_of(film)
     assert len(film.impacts) == 8
+
+
+# ---- angles that grow the other way, or repeat more often
+
+# What a table says of a dot or stripe, and how a scene says it: fold of the mark on the ball, fold
+# as stated, whether angles grow clockwise, and what the note names.
+OTHERWISE = {
+    "clockwise": (2, 2, True, ['angles = "clockwise"']),
+    "clockwise dot": (1, 1, True, ['angles = "clockwise"']),
+    "stripe as a dot": (2, 1, False, ["fold = 2"]),
+    "box as a stripe": (4, 2, False, ["fold = 4"]),
+    "ellipse of OpenCV as a dot": (2, 1, True, ['angles = "clockwise"', "fold = 2"]),
+    "box of OpenCV as a dot": (4, 1, True, ['angles = "clockwise"', "fold = 4"]),
+    "three spokes": (3, 1, False, ["fold = 3"]),
+}
+
+
+def with_angles(table, fold, stated, clockwise):
+    """The table with its angles as such a mark has them: a box of OpenCV from -90 to 0 degrees."""
+    period = 360.0 / fold
+    angle = np.degrees(table["angle [rad]"]) * (-1.0 if clockwise else 1.0)
+    columns = {"angle [deg]": angle % period - (90.0 if fold == 4 else 0.0), "angle_fold": stated}
+    return table.drop(columns=MARKS).assign(**columns)
+
+
+@pytest.mark.parametrize("count", [1, 6])
+@pytest.mark.parametrize("kind", [*OTHERWISE])
+def test_angles_of_another_direction_or_fold_are_named(kind, count):
+    fold, stated, clockwise, expected = OTHERWISE[kind]
+    table, truth = film_of(10, count, fps=1000, fold=1, angle_noise=0.01)
+    odd = with_angles(table, fold, stated, clockwise)
+    film = tracked(odd, 1000, as_read=True)
+    (note,) = [note for note in film.notes if note.code == "spins-implausible"]
+    named = [words for words in ('angles = "clockwise"', "fold = ") if words in note.text]
+    assert len(named) == len(expected)
+    assert all(words in note.text for words in expected)
+    assert "spins-ambiguous" not in codes_of(film)
+    # What the note says to do gives the spins.
+    column_left_out = odd.drop(columns="angle_fold")
+    direction = "clockwise" if clockwise else "counterclockwise"
+    right = tracked(column_left_out, 1000, fold=fold, angles=direction)
+    assert codes_of(right).isdisjoint({"spins-implausible", "spins-ambiguous"})
+    _, errors = scores(right, truth)
+    assert np.abs(errors[:, [2, 5]]).max() < 8.0
+
+
+def test_a_stated_direction_that_is_wrong_is_named_the_other_way():
+    table, _ = film_of(11, 5, fps=1000, fold=2)
+    film = tracked(table, 1000, angles="clockwise")
+    (note,) = [note for note in film.notes if note.code == "spins-implausible"]
+    assert 'angles = "counterclockwise"' in note.text
+
+
+def test_spins_that_are_ambiguous_are_no_fault_of_the_angles():
+    for seed in range(6):
+        table, _ = film_of(30 + seed, 6, fps=240, fold=2, outliers=0.02)
+        codes = codes_of(tracked(table, 240))
+        assert "spins-ambiguous" in codes
+        assert "spins-implausible" not in codes
+
+
+def test_marks_that_show_nothing_have_no_reading():
+    table, _ = film_of(12, 4, fps=1000)
+    anywhere = 2.0 * np.pi * np.random.default_rng(1).uniform(size=len(table))
+    film = tracked(table.assign(**{"angle [rad]": anywhere}), 1000)
+    (note,) = [note for note in film.notes if note.code == "spins-implausible"]
+    assert "clockwise" not in note.text
+    assert "fold =" not in note.text

@@ -12,13 +12,14 @@ from fitball.base.display_units import MM, MS, PLAIN
 from fitball.base.errors import InputError, Note
 from fitball.base.itf import GRAVITY, is_tennis_radius
 from fitball.base.numbers import counted, percent
-from fitball.base.text import one_line
+from fitball.base.text import listed, one_line
 from fitball.data.misreading import doubts
-from fitball.data.scene import Scene
+from fitball.data.scene import CameraSection, Scene
 from fitball.tracks.film import Filmed
 from fitball.tracks.find import GRAVITY_FACTOR, gravity_words, impacts_of_track, wrong_gravity
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.ids import joined
+from fitball.tracks.marks import Reading, doubts_of_marks
 from fitball.tracks.session import Session
 from fitball.tracks.types import FilmAssumptions, Track
 
@@ -76,7 +77,14 @@ def misread_words(film: Filmed) -> str:
         return ""
     if not readings:
         return ""
-    return f'{readings[0].text}; of films: angles = "clockwise" or y = "down" in [camera]'
+    camera = film.scene.camera or CameraSection()
+    other = _other_direction(camera)
+    return f'{readings[0].text}; of films: angles = "{other}" or y = "down" in [camera]'
+
+
+def _other_direction(camera: CameraSection) -> str:
+    """The direction of growing angles that a camera does not state."""
+    return "counterclockwise" if camera.angles == "clockwise" else "clockwise"
 
 
 def why_impossible(impact: Impact, assumed: FilmAssumptions) -> str:
@@ -131,7 +139,7 @@ def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
     many = counted(len(session.good), "impact") + of_session
     yield from _court_notes(session, of_session)
     yield from _gravity_notes(session, of_session)
-    yield from _spin_notes(session, many, of_session)
+    yield from _spin_notes(session, many, of_session, scene.camera or CameraSection())
     yield from _gap_notes(session, many)
     yield from _ball_notes(session, scene)
     yield from _shutter_notes(session, scene)
@@ -173,19 +181,44 @@ def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
     )
 
 
-def _spin_notes(session: Session, many: str, of_session: str) -> Iterator[Note]:
-    """The notes that spins are ambiguous, or were not measured."""
+def _spin_notes(
+    session: Session, many: str, of_session: str, camera: CameraSection
+) -> Iterator[Note]:
+    """The notes that spins are ambiguous or implausible, or were not measured."""
     good = session.good
-    unsure = sum(bool(impact.pairs) and not impact.sure_pair for impact in good)
-    if unsure:
-        words = f"Spins are ambiguous in {unsure} of {many}, where they are left empty"
+    ambiguous, implausible, reading = doubts_of_marks(session)
+    if ambiguous:
+        words = f"Spins are ambiguous in {len(ambiguous)} of {many}, where they are left empty"
         yield Note(
             "spins-ambiguous",
             f"{words}: a higher frame rate, or a mark of lower fold, determines them.",
         )
+    if implausible:
+        words = f"Spins are implausible in {len(implausible)} of {many}, where they are left empty"
+        if reading is None:
+            remedy = "No direction or fold of the marks helps: check their angles in spins.csv"
+        else:
+            remedy = _reading_words(reading, implausible, camera)
+        yield Note("spins-implausible", f"{words}. {remedy}.")
     if good and not any(impact.pairs for impact in good):
         words = f"No spins were measured{of_session}. A fit takes incident spins as zero"
         yield Note("no-spins", f"{words}: its intervals are too narrow for balls that spin.")
+
+
+def _reading_words(reading: Reading, impacts: Sequence[Impact], camera: CameraSection) -> str:
+    """The remedy where angles are to be read another way, and what shows it."""
+    remedies = []
+    reasons = []
+    if reading.turned:
+        remedies.append(f'angles = "{_other_direction(camera)}"')
+        reasons.append("Angles of OpenCV grow clockwise in the picture")
+    if reading.multiple > 1:
+        folds = sorted({reading.multiple * impact.track.fold for impact in impacts})
+        remedies.append(f"fold = {listed(map(str, folds), 'or')}")
+        periods = listed([f"{360.0 / fold:.3g}" for fold in folds], "or")
+        words = f"The angles repeat after {periods} degrees"
+        reasons.append(f"{words}; state the fold in the column angle_fold, if there is one")
+    return ". ".join([f"With {listed(remedies)} in [camera] they are plausible", *reasons])
 
 
 def _gap_notes(session: Session, many: str) -> Iterator[Note]:

@@ -7,7 +7,7 @@ only where it is sure.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Annotated, NamedTuple
 
@@ -18,7 +18,7 @@ from fitball.tracks.flight import T1, T2, VX1, VX2, VY1, VY2, Impact
 from fitball.tracks.types import FilmAssumptions, SpinPair, unwrap
 
 # Fewest frames with an angle that show a spin: two are on a line whatever they are.
-_FEWEST_FRAMES = 3
+FEWEST_ANGLES = 3
 # Least probability of a pair that is listed.
 _LEAST_PROBABILITY = 1e-6
 # Prior probability that the angles of a flight show no spin.
@@ -78,6 +78,14 @@ class Line(NamedTuple):
     evidence: float
 
 
+class _Candidate(NamedTuple):
+    """A pair of spins with the log of its posterior density, and of how plausible its bounce is."""
+
+    log: float
+    fits: float
+    pair: SpinPair
+
+
 class _Refined(NamedTuple):
     """Lines refined at once: angles [rad] at the mean time and spins [rad/s], sums of weights,
     of weights times time and times its square, their determinant, and log likelihoods (lines,).
@@ -119,7 +127,7 @@ def lines_of_angles(
     contact, best first; none of fewer than three frames. Spins are searched up to four `spin_sd`
     [rad/s].
     """
-    if d.size < _FEWEST_FRAMES:
+    if d.size < FEWEST_ANGLES:
         return []
     middle = float(d.mean())
     most = _SPIN_SDS * spin_sd
@@ -256,17 +264,75 @@ def pairs_of(
     first. `sd` [rad] is the noise of angles, `outliers` the share of theirs. What the probabilities
     lack to one is the probability that angles show no spin, or another one than was read.
     """
-    p = impact.p
     fold = impact.track.fold
     spin_sd = assumed.spin_sd
+    before, after = _lines_of_sides(impact, spin_sd, sd, outliers)
+    candidates = _candidates(impact, assumed, before, after)
+    if not candidates:
+        return []
+    logs = np.array([candidate.log for candidate in candidates])
+    relative = np.exp(logs - logs.max())
+    shares = relative / relative.sum()
+    order = np.argsort(-shares, kind="stable").tolist()
     use_1, use_2 = impact.turning()
-    t_1 = impact.t[use_1] - p[T1]
-    t_2 = impact.t[use_2] - p[T2]
+    readable_1 = _readable(before, use_1.sum(), fold, spin_sd)
+    readable_2 = _readable(after, use_2.sum(), fold, spin_sd)
+    best_fits = candidates[order[0]].fits
+    chance = readable_1 * readable_2
+    chance /= 1.0 + _MISREAD_PROBABILITY * np.exp(min(-best_fits, _MOST_LOG))
+    pairs = []
+    for k in order:
+        if shares[k] > _LEAST_PROBABILITY:
+            probability = float(chance * shares[k])
+            pairs.append(candidates[k].pair._replace(probability=probability))
+    return pairs
+
+
+def log_evidence(
+    impact: Impact,
+    assumed: FilmAssumptions,
+    sd: float,
+    outliers: float,
+) -> float:
+    """Log likelihood of the angles of an impact over all spins that a bounce can have, or that they
+    show none. Arguments are those of `pairs_of`.
+    """
+    fold = impact.track.fold
+    before, after = _lines_of_sides(impact, assumed.spin_sd, sd, outliers)
+    logs = [candidate.log for candidate in _candidates(impact, assumed, before, after)]
+    spinning = np.logaddexp.reduce([-np.inf, *logs]) + 2.0 * _log_density(fold, assumed.spin_sd)
+    angles = sum(int(use.sum()) for use in impact.turning())
+    nothing = np.log(_UNREADABLE_PROBABILITY) + angles * np.log(fold / (2.0 * np.pi))
+    return float(np.logaddexp(spinning, nothing))
+
+
+def _lines_of_sides(
+    impact: Impact,
+    spin_sd: float,
+    sd: float,
+    outliers: float,
+) -> tuple[list[Line], list[Line]]:
+    """The lines through the angles of an impact, before and after the contact."""
+    fold = impact.track.fold
+    use_1, use_2 = impact.turning()
+    t_1 = impact.t[use_1] - impact.p[T1]
+    t_2 = impact.t[use_2] - impact.p[T2]
     before = lines_of_angles(t_1, impact.phi[use_1], fold, sd, outliers, spin_sd)
     after = lines_of_angles(t_2, impact.phi[use_2], fold, sd, outliers, spin_sd)
-    candidates = list[tuple[float, float, SpinPair]]()
+    return before, after
+
+
+def _candidates(
+    impact: Impact,
+    assumed: FilmAssumptions,
+    before: Sequence[Line],
+    after: Sequence[Line],
+) -> list[_Candidate]:
+    """All pairs of lines `before` and `after` the contact of an impact, weighed."""
+    time = float(impact.p[T2] - impact.p[T1])
+    candidates = list[_Candidate]()
     for line_1, line_2 in product(before, after):
-        for pair in _turns(line_1, line_2, p[T2] - p[T1], fold):
+        for pair in _turns(line_1, line_2, time, impact.track.fold):
             fits = _log_plausibility(
                 impact,
                 (pair.omega_1, pair.omega_2),
@@ -274,26 +340,10 @@ def pairs_of(
                 np.sqrt(pair.covariance[2, 2]),
                 assumed.ball,
             )
-            log_prior = 0.5 * (line_1.omega / spin_sd) ** 2
+            log_prior = 0.5 * (line_1.omega / assumed.spin_sd) ** 2
             log = line_1.evidence + line_2.evidence - log_prior + fits
-            candidates.append((log, fits, pair))
-    if not candidates:
-        return []
-    logs = np.array([log for log, _, _ in candidates])
-    relative = np.exp(logs - logs.max())
-    shares = relative / relative.sum()
-    order = np.argsort(-shares, kind="stable").tolist()
-    readable_1 = _readable(before, use_1.sum(), fold, spin_sd)
-    readable_2 = _readable(after, use_2.sum(), fold, spin_sd)
-    _, best_fits, _ = candidates[order[0]]
-    chance = readable_1 * readable_2
-    chance /= 1.0 + _MISREAD_PROBABILITY * np.exp(min(-best_fits, _MOST_LOG))
-    pairs = []
-    for k in order:
-        if shares[k] > _LEAST_PROBABILITY:
-            _, _, pair = candidates[k]
-            pairs.append(pair._replace(probability=float(chance * shares[k])))
-    return pairs
+            candidates.append(_Candidate(log, fits, pair))
+    return candidates
 
 
 def _turns(line_1: Line, line_2: Line, time: float, fold: int) -> Iterator[SpinPair]:
@@ -320,9 +370,15 @@ def _readable(lines: list[Line], frames: int, fold: int, spin_sd: float) -> floa
     """
     logs = np.array([line.evidence for line in lines])
     best = logs.max()
-    # Log prior density of a phase within a period, and of a spin up to the largest of either sign.
-    density = np.log(fold / (2.0 * _SPIN_SDS * spin_sd))
+    density = _log_density(fold, spin_sd)
     spinning = float(np.log(np.exp(logs - best).sum()) + best + density)
     nothing = frames * float(np.log(fold / (2.0 * np.pi)))
     odds = _UNREADABLE_PROBABILITY / (1.0 - _UNREADABLE_PROBABILITY)
     return float(1.0 / (1.0 + odds * np.exp(min(nothing - spinning, _MOST_LOG))))
+
+
+def _log_density(fold: int, spin_sd: float) -> float:
+    """Log prior density of a phase within a period, and of a spin up to the largest of either sign,
+    as it belongs to the evidence of a line.
+    """
+    return float(np.log(fold / (2.0 * _SPIN_SDS * spin_sd)))
