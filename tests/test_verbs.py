@@ -182,9 +182,11 @@ def test_track_hands_on_all(monkeypatch):
     room = replaced(monkeypatch, "fitball.tracks.tracking.track", Mock())
     scene_of = replaced(monkeypatch, "fitball.tracks.read.scene_of", sentinel.scene)
     camera = {"scene": "a.toml", "fps": 240.0, "mm_per_px": 0.8, "ball_diameter": "66mm"}
-    fitball.track("a.csv", columns={"x": "cx [px]"}, as_read=True, **camera)
-    scene_of.assert_called_once_with(["a.csv"], *camera.values())
+    choice = {"ball": "ball", "min_confidence": 0.3}
+    fitball.track("a.csv", columns={"x": "cx [px]"}, as_read=True, **camera, **choice)
+    scene_of.assert_called_once_with(["a.csv"], *camera.values(), 0.3)
     assert room.call_args[0][:4] == (["a.csv"], sentinel.scene, {"x": "cx [px]"}, True)
+    assert "ball" in (*room.call_args[0], *room.call_args[1].values())
 
 
 @pytest.mark.parametrize(("all_files", "drawn"), [(True, False), (False, None)])

@@ -183,22 +183,22 @@ def seconds_of_texts(texts: Sequence[str]) -> FloatArray | None:
 
 class ClipClock(NamedTuple):
     """The clock of a clip: `clock` (frames,) orders its frames, `frame` (frames,) has their numbers
-    in the film. Stamps are seconds, or have the rate `fps` of their frames; numbers of frames have
-    the `step` [s] of one.
+    in the film. Stamps are seconds, or have the `rate` [1/s] of their frames, NaN where it is not
+    known; numbers of frames have it always.
     """
 
     counter: Counter
     clock: FloatArray
     frame: FloatArray
-    step: float
+    rate: float
 
     def seconds(self, order: IntArray) -> FloatArray:
         """The times [s] of frames in this order."""
         if self.counter != "t":
-            return np.asarray(self.clock[order] * self.step)
-        if np.isnan(self.step):
+            return np.asarray(self.clock[order] / self.rate)
+        if np.isnan(self.rate):
             return self.clock[order]
-        return frame_numbers(self.clock[order]) * self.step
+        return np.asarray(frame_numbers(self.clock[order]) / self.rate)
 
 
 def clock_of_clip(
@@ -217,11 +217,11 @@ def clock_of_clip(
     count = np.arange(1.0, rows.size + 1.0)
     frame = values.get("frame", count)
     counter: Counter = "rows"
-    step = np.nan if fps is None else 1.0 / fps
+    rate = np.nan if fps is None else fps
     if "t" in values and "frame" in values:
         counter, by_stamps = _counter_of_both(cells, name, values, rows, fps)
         if counter == "frame" and fps is None:
-            step = by_stamps
+            rate = 1.0 / by_stamps
     elif "t" in values:
         counter = "t"
     elif "frame" in values:
@@ -229,11 +229,11 @@ def clock_of_clip(
     else:
         frame = _numbers_of_rows(cells, name, rows, read)
     if counter == "t":
-        return ClipClock(counter, values["t"], frame, step)
-    if np.isnan(step) and all(fault.code != "no-rate" for fault in cells.faults):
+        return ClipClock(counter, values["t"], frame, rate)
+    if np.isnan(rate) and all(fault.code != "no-rate" for fault in cells.faults):
         words = "frames have no time; expected the camera's rate: --fps, or fps in [camera]"
         cells.fault("no-rate", words)
-    return ClipClock(counter, frame, frame, step)
+    return ClipClock(counter, frame, frame, rate)
 
 
 def _counter_of_both(
