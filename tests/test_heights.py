@@ -10,9 +10,9 @@ PER_DRAG = 1.2 * np.pi * 0.03302**2 / 0.0576
 FALLS = np.repeat([1.0, 1.5, 2.0, 2.54], 5)
 
 
-def dropped(cor, drag, slope=0.0, noise=0.0, seed=1):
+def dropped(cor, drag, slope=0.0, noise=0.0, seed=1, density=1.2):
     """Heights of 20 drops of a ball with such a restitution at 5 m/s, in such a drag."""
-    braking = drag * PER_DRAG
+    braking = drag * PER_DRAG * density / 1.2
     landing = np.sqrt(TWICE_G / braking * (1.0 - np.exp(-braking * FALLS)))
     launch = (cor + slope * (landing - 5.0)) * landing
     risen = np.log(1.0 + braking * launch**2 / TWICE_G) / braking
@@ -143,3 +143,16 @@ def test_no_number_of_drops_by_heights_determines_the_drag(usual):
     expected = usual.plan(target="cor_254cm", count=40).frames["targets"].loc["cor_254cm"]
     # Of three times as many velocities without that error it would be a half.
     assert expected["now"] > expected["as before"] > 0.7 * expected["now"]
+
+
+def test_the_air_of_the_scene_is_that_of_the_heights():
+    """In air half as dense heights are other speeds, at the usual drag and at any other."""
+    scene = fitball.Scene(air={"density": 0.6})
+    heights = dropped(0.77, 0.55, noise=0.004, density=0.6)
+    fit = fitball.calibrate(heights, scene=scene, point_only=True, cores=1)
+    assert fit.summary.loc["cor_median", "point"] == pytest.approx(0.770, abs=0.002)
+    problem = fit.problem
+    braking = 0.7 * 0.5 * PER_DRAG
+    landing = np.sqrt(TWICE_G / braking * (1.0 - np.exp(-braking * FALLS)))
+    truth = problem.fall.true_states({"drag": np.array([0.7])}, problem.table.impacts)
+    assert truth.v_y1[0] == pytest.approx(landing, rel=1e-3)
