@@ -11,6 +11,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base import itf
 from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.values import Ball
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, Scene
 from fitball.inference.problem.build import build_problem
@@ -134,6 +135,33 @@ def test_only_impacts_within_tolerances_of_a_tennis_ball_count():
     assert measured_pace(paced(ratings), Scene(ball=table_tennis)).empty
     drops = impact_table({"v_y1": 7.0, "v_y2": [5.0, 5.1, 5.2]})
     assert pace_of(drops).empty
+
+
+@pytest.mark.parametrize("polar", [False, True])
+@pytest.mark.parametrize(
+    "at_limit",
+    [{"angle": 14.0}, {"angle": 18.0}, {"speed": 28.0}, {"speed": 32.0}, {"rpm": 180.0}],
+    ids=str,
+)
+def test_impacts_at_the_limits_of_the_test_count(at_limit, polar):
+    angle = at_limit.get("angle", 16.0)
+    speed = at_limit.get("speed", 30.0)
+    columns = {"v_1 [m/s]": [speed] * 4, "theta_1 [deg]": [angle] * 4}
+    if not polar:
+        columns = {
+            "v_x1 [m/s]": [speed * np.cos(np.radians(angle))] * 4,
+            "v_y1 [m/s]": [speed * np.sin(np.radians(angle))] * 4,
+        }
+    columns["omega_1 [rpm]"] = [at_limit.get("rpm", 0.0)] * 4
+    columns |= {"v_x2 [m/s]": [18.5, 18.55, 18.52, 18.49], "v_y2 [m/s]": [7.43, 7.4, 7.45, 7.41]}
+    assert pace_of(load_table(columns))["impacts"].tolist() == [4]
+
+
+def test_balls_at_the_limits_of_the_rules_are_tennis_balls():
+    for mass in (56.0 * 1e-3, 59.4 * 1e-3, 59.4 / 1000.0):
+        for radius in (0.0654 / 2.0, 3.27e-2, 3.43 * 0.01, 6.86e-2 / 2.0):
+            assert itf.is_tennis_ball(Ball(mass, radius))
+    assert not itf.is_tennis_ball(Ball(0.05941, 0.033))
 
 
 def test_each_place_is_rated_and_a_surface_that_cannot_be_leaves_the_others_theirs():

@@ -158,7 +158,15 @@ def test_the_offset_does_not_grow(rederived):
     lever = 0.03302**2 * turn / (wang["v_y1 [m/s]"] + wang["v_y2 [m/s]"]) / INCH
     assert_allclose(offsets["offset [in]"], lever, rtol=1e-9)
     slope, error = posteriors.slope_of(offsets)
-    assert abs(slope) < 3.0 * error < 0.0431 / 5.0
+    design = np.column_stack([wang["v_y1 [m/s]"], np.ones(21)])
+    roots = (1.0 / offsets["sd [in]"]).to_numpy()
+    best, (squares,), *_ = np.linalg.lstsq(design * roots[:, None], lever * roots, rcond=None)
+    covariance = np.linalg.inv(design.T * roots**2 @ design) * squares / 19
+    assert slope == pytest.approx(best[0], abs=1e-9)
+    assert error == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-6)
+    # Offsets scatter by twice their sds: 0.0015 in/(m/s) is what those alone give.
+    assert error == pytest.approx(0.0030, abs=5e-5)
+    assert abs(slope) < 3.0 * error < 0.0431 / 4.5
     assert_allclose(
         offsets["Eq. (53) [in]"],
         0.0431 * wang["v_y1 [m/s]"] - 0.189,

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from fitball.base.values import Ball, FloatArray, Impacts
+from fitball.base.values import Ball, BoolArray, FloatArray, Impacts
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
@@ -43,6 +43,9 @@ PACE_TOLERANCES: Mapping[str, float] = {
     "theta_1": float(np.radians(2.0)),
     "omega_1": 6.0 * np.pi,
 }
+# Share of a limit that values may lie beyond it: they come from other units and components, which
+# rounds them.
+_ROUNDING = 1e-9
 PACE_CATEGORIES = ("slow", "medium-slow", "medium", "medium-fast", "fast")
 # Whole ratings at which the categories after the first begin (CS 01/02: up to 29, 30 to 34, 35 to
 # 39, 40 to 44, from 45 on).
@@ -64,8 +67,13 @@ def is_tennis_radius(radius: float) -> bool:
 
 def is_tennis_ball(ball: Ball) -> bool:
     """Whether mass and radius are within the rules, so that what is known of tennis balls holds."""
-    limits = zip((ball.mass, ball.radius), BALL_TOLERANCES.values(), strict=True)
-    return all(low <= constant <= high for constant, (low, high) in limits)
+    for constant, (low, high) in zip(
+        (ball.mass, ball.radius), BALL_TOLERANCES.values(), strict=True
+    ):
+        rounding = _ROUNDING * high
+        if not low - rounding <= constant <= high + rounding:
+            return False
+    return True
 
 
 def pace_impact() -> Impacts:
@@ -73,6 +81,19 @@ def pace_impact() -> Impacts:
     speed = np.array([30.0])
     angle = np.radians(16.0)
     return Impacts(speed * np.cos(angle), speed * np.sin(angle), np.zeros(1))
+
+
+def is_pace_impact(impacts: Impacts) -> BoolArray:
+    """Which impacts (impacts,) are those of the court pace test, as far as it tolerates: limits
+    count as within.
+    """
+    test = pace_impact()
+    states = (*impacts.polar(), impacts.omega_1)
+    nominal = (*test.polar(), test.omega_1)
+    tolerated = np.ones(len(impacts), np.bool_)
+    for state, value, tolerance in zip(states, nominal, PACE_TOLERANCES.values(), strict=True):
+        tolerated &= np.abs(state - value) <= tolerance * (1.0 + _ROUNDING)
+    return tolerated
 
 
 def pace_rating(

@@ -262,15 +262,15 @@ def offsets_frame(fits: Mapping[str, FreeFit]) -> DataFrame:
 
 
 def slope_of(offsets: DataFrame) -> tuple[float, float]:
-    """Slope of a weighted line through the model-free offsets [in/(m/s)], and its standard
-    error.
+    """Slope of a weighted line through the model-free offsets [in/(m/s)], and its standard error,
+    scaled by the residuals: the sds of offsets follow from errors that Wang does not state.
     """
     (slope, _), covariance = np.polyfit(
         offsets["v_y1 [m/s]"],
         offsets["offset [in]"],
         1,
         w=1.0 / offsets["sd [in]"],
-        cov="unscaled",
+        cov=True,
     )
     return float(slope), float(np.sqrt(covariance[0, 0]))
 
