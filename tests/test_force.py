@@ -104,6 +104,36 @@ def test_the_stated_sd_is_the_scatter_over_noise(noise, length, rate):
     assert np.all(np.abs(times - 5e-3) < 5.0 * sds)
 
 
+@pytest.mark.parametrize("at_rest", [30, 3000])
+def test_the_stated_sd_is_that_of_differences(at_rest):
+    """JCGM 100:2008, Eq. 10, by differences of one force after the other; what all forces of a
+    pulse share is the error of the level, a median, which counts where little is at rest.
+    """
+    count = 100
+    force = np.zeros(2 * at_rest + count)
+    shape = np.linspace(0.0, 1.0, count)
+    # A pulse that rises faster than it falls: its skewness counts too.
+    force[at_rest : at_rest + count] = 1000.0 * np.sin(np.pi * shape**0.9)
+    force += 0.5 * np.random.default_rng(3).normal(size=force.size)
+    # The pulse is taken with a few forces before and after it. None of these is the median.
+    near = slice(at_rest - 12, at_rest + count + 12)
+    force[near] += 0.3 * np.sign(force[near])
+    t = 5e-5 * np.arange(force.size)
+    duration, sd = fitball.contact_time(t, force, return_sd=True)
+    slopes = np.zeros(force.size)
+    for k in range(near.start, near.stop):
+        changed = force.copy()
+        changed[k] += 1e-5
+        slopes[k] = (fitball.contact_time(t, changed) - duration) / 1e-5
+    outside = force[slopes == 0.0]
+    noise = 1.4826 * np.median(np.abs(outside - np.median(outside)))
+    of_forces = np.linalg.norm(slopes)
+    of_level = np.sqrt(np.pi / 2.0 / outside.size) * slopes.sum()
+    assert sd == pytest.approx(noise * np.hypot(of_forces, of_level), rel=0.05)
+    # Both are seen: 5 % of the whole are less than either where little is at rest.
+    assert at_rest > count or 0.4 < of_level / of_forces < 1.0
+
+
 def test_a_record_without_noise_has_no_error():
     assert fitball.contact_time(T, PULSE, return_sd=True)[1] == 0.0
 
