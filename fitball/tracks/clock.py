@@ -16,9 +16,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fitball.base.text import one_line
-from fitball.base.values import FloatArray, IntArray
+from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.cells import TableCells
-from fitball.data.records import NUMBER
 from fitball.tracks.names import INDEX
 
 # A step in time of fewer than this many usual ones misses no frame.
@@ -43,6 +42,9 @@ _PICTURE = re.compile(r"\.(?:jpe?g|png|tiff?|bmp|webp|gif|pgm|npy|json|txt)$", r
 # A time in hours, minutes and seconds.
 _HOURS = re.compile(r"(?:(?P<h>\d{1,2}):)?(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,]\d+)?)")
 
+# Columns that are clocks, in words.
+_CLOCKS = {"t": "the time", "frame": "the number of the frame"}
+
 # What counts the frames of a clip.
 Counter = Literal["t", "frame", "rows"]
 
@@ -64,6 +66,17 @@ def frame_numbers(time: FloatArray) -> FloatArray:
         return np.zeros(time.size)
     frames = np.maximum(np.round(np.diff(time) / usual_step(time)), 1.0)
     return np.concatenate([[0.0], np.cumsum(frames)])
+
+
+def is_idle(clock: FloatArray) -> bool:
+    """Whether a clock (frames,) orders nothing: it is empty, or the same in all frames."""
+    measured = clock[np.isfinite(clock)]
+    return clock.size > 1 and np.unique(measured).size < 2
+
+
+def _orders_all(clock: FloatArray) -> bool:
+    """Whether a clock (frames,) has another number in each frame."""
+    return bool(np.isfinite(clock).all()) and np.unique(clock).size == clock.size
 
 
 def usual_step(time: FloatArray) -> float:
@@ -134,18 +147,9 @@ def unread_clocks(
     """
     clocks = list[tuple[int, Literal["whole", "time"]]]()
     for index in range(len(cells.names)):
-        if index not in read and (kind := counts_with_gaps(plain_numbers(cells, index)[rows])):
+        if index not in read and (kind := counts_with_gaps(cells.plain_numbers(index)[rows])):
             clocks.append((index, kind))
     return clocks
-
-
-def plain_numbers(cells: TableCells, index: int) -> FloatArray:
-    """The numbers (rows,) of a column, NaN where a cell is none. Nothing is noted."""
-    column = cells.columns[index]
-    if column.dtype.kind != "T":
-        return column.astype(np.float64)
-    texts = (text.replace(",", ".") for text in column.tolist())
-    return np.array([float(text) if NUMBER.fullmatch(text) else np.nan for text in texts])
 
 
 def numbers_in_names(texts: Sequence[str]) -> FloatArray | None:
@@ -212,45 +216,72 @@ def clock_of_clip(
     """The clock of a clip, whose `rows` (frames,) of the file have these numbers by column. `fps`
     is the stated rate; `read` are the indices of columns that have a meaning. Faults: stamps and
     numbers contradict (`clocks-differ`), a column that is not read shows that rows are missing
-    (`unread-clock`), or the rate is not stated (`no-rate`). What was assumed is noted.
+    (`unread-clock`), the only clock is empty or stands still (`idle-clock`), or the rate is not
+    stated (`no-rate`). What was assumed is noted.
     """
     count = np.arange(1.0, rows.size + 1.0)
-    frame = values.get("frame", count)
+    seen = np.isfinite(values["x"] + values["y"])
+    idle = _idle_clocks(values, seen)
+    clocks = {ours: values[ours] for ours in _CLOCKS if ours in values and ours not in idle}
+    if idle:
+        words = " and ".join(idle.values())
+        cells.note("idle-clock", f"{name}: {words}, and therefore not used")
+    frame = clocks.get("frame", count)
     counter: Counter = "rows"
     rate = np.nan if fps is None else fps
-    if "t" in values and "frame" in values:
-        counter, by_stamps = _counter_of_both(cells, name, values, rows, fps)
+    if {"t", "frame"} <= {*clocks}:
+        counter, by_stamps = _counter_of_both(cells, name, clocks, rows, seen, fps)
         if counter == "frame" and fps is None:
             rate = 1.0 / by_stamps
-    elif "t" in values:
+    elif "t" in clocks:
         counter = "t"
-    elif "frame" in values:
+    elif "frame" in clocks:
         counter = "frame"
     else:
-        frame = _numbers_of_rows(cells, name, rows, read)
+        frame = _numbers_of_rows(cells, name, rows, read, [*idle.values()])
     if counter == "t":
-        return ClipClock(counter, values["t"], frame, rate)
-    if np.isnan(rate) and all(fault.code != "no-rate" for fault in cells.faults):
-        words = "frames have no time; expected the camera's rate: --fps, or fps in [camera]"
-        cells.fault("no-rate", words)
+        number = frame if _orders_all(frame[seen]) else count
+        return ClipClock(counter, clocks["t"], number, rate)
+    codes = {fault.code for fault in cells.faults}
+    if np.isnan(rate) and codes.isdisjoint({"no-rate", "idle-clock"}):
+        why = idle.get("t", "frames have no time")
+        cells.fault("no-rate", f"{why}; expected the camera's rate: --fps, or fps in [camera]")
     return ClipClock(counter, frame, frame, rate)
+
+
+def _idle_clocks(values: Mapping[str, FloatArray], seen: BoolArray) -> dict[str, str]:
+    """What is wrong with the stamps and numbers of a clip that order none of the frames (frames,)
+    in which the ball is `seen`.
+    """
+    idle = dict[str, str]()
+    for ours, title in _CLOCKS.items():
+        if ours in values and is_idle(values[ours][seen]):
+            empty = np.isnan(values[ours][seen]).all()
+            idle[ours] = f"{title} is {'empty' if empty else 'the same in all frames'}"
+    return idle
 
 
 def _counter_of_both(
     cells: TableCells,
     name: str,
-    values: Mapping[str, FloatArray],
+    clocks: Mapping[str, FloatArray],
     rows: IntArray,
+    seen: BoolArray,
     fps: float | None,
 ) -> tuple[Counter, float]:
     """Whether stamps or numbers of frames count, where a clip has both, and the step [s] of a
-    number by the stamps, NaN where they do not show it. Where both part, those with gaps count.
+    number by the stamps, NaN where they do not show it. Where both part, those with gaps count; but
+    first those that order all frames, where the others are missing or repeat.
     """
-    time, frame = values["t"], values["frame"]
-    measured = np.flatnonzero(np.isfinite(time + frame + values["x"] + values["y"]))
+    time, frame = clocks["t"], clocks["frame"]
+    measured = np.flatnonzero(np.isfinite(time + frame) & seen)
     order = measured[np.argsort(frame[measured], kind="stable")]
     if not order.size:
         return "t" if fps is None else "frame", np.nan
+    if _orders_all(time[seen]) and not _orders_all(frame[seen]):
+        words = f"{name}: frame is missing or repeats in some frames: t is used"
+        cells.note("clocks-differ", words)
+        return "t", np.nan
     if (np.diff(time[order]) <= 0.0).any() and (np.diff(frame[order]) > 0.0).all():
         # Stamps that are too coarse order nothing.
         return "frame", np.nan
@@ -270,13 +301,18 @@ def _counter_of_both(
 
 
 def _numbers_of_rows(
-    cells: TableCells, name: str, rows: IntArray, read: Collection[int]
+    cells: TableCells,
+    name: str,
+    rows: IntArray,
+    read: Collection[int],
+    idle: Sequence[str],
 ) -> FloatArray:
     """Numbers (frames,) of the frames of a clip without time and numbers: those of an index that
-    has gaps, else of the rows, which is noted. Another column with gaps is a fault.
+    has gaps, else of the rows, which is noted. Faults: another column has gaps, or a clock is there
+    that is `idle`, as these words say.
     """
     if INDEX in cells.names:
-        index = plain_numbers(cells, cells.names.index(INDEX))[rows]
+        index = cells.plain_numbers(cells.names.index(INDEX))[rows]
         if counts_with_gaps(index) == "whole":
             words = f"{name}: the first column has no name, and is read as the number of the frame"
             cells.note("index-as-frame", words)
@@ -290,6 +326,11 @@ def _numbers_of_rows(
         )
         if all(fault.code != "unread-clock" or fault.column != head for fault in cells.faults):
             cells.fault("unread-clock", words, head)
+    if idle:
+        remedy = "expected the time or number of each frame, or no such column if no row is missing"
+        if all(fault.code not in ("unread-clock", "idle-clock") for fault in cells.faults):
+            cells.fault("idle-clock", f"'{name}': {' and '.join(idle)}; {remedy}")
+        return np.arange(1.0, rows.size + 1.0)
     words = (
         f"{name}: no column of time or frame was found: rows were counted as frames, so that no "
         "row may be missing"

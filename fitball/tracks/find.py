@@ -26,7 +26,7 @@ _LEAST_DEPTH = 0.3
 _NEAR_RADII = 0.5
 _NEAR_STEPS = 2.5
 # Fewest frames of a track with an impact: three on each side, and one in contact.
-_FEWEST_FRAMES = 7
+FEWEST_FRAMES = 7
 # Gravity that is off by this factor is a mistake of rate or scale: neither air nor errors of a
 # camera explain it.
 GRAVITY_FACTOR = 2.5
@@ -53,9 +53,9 @@ class _Fall(NamedTuple):
 def impacts_of_track(track: Track, assumed: FilmAssumptions) -> tuple[list[Impact], str]:
     """The impacts of a track in order of time, and the reason why it has none, "" where it has."""
     t = track.time
-    if t.size < _FEWEST_FRAMES:
+    if t.size < FEWEST_FRAMES:
         reason = (
-            f"{t.size} frames with a position; an impact needs at least {_FEWEST_FRAMES}, three "
+            f"{t.size} frames with a position; an impact needs at least {FEWEST_FRAMES}, three "
             "on each side"
         )
         return [], reason
@@ -133,7 +133,7 @@ def wrong_gravity(impacts: Iterable[Impact], assumed: FilmAssumptions) -> str:
 def _falls_of(impact: Impact, assumed: FilmAssumptions) -> Iterator[_Fall]:
     """The gravity that both flights of an impact show, where they have frames enough."""
     around = impact.around
-    if around.size <= _FEWEST_FRAMES:
+    if around.size <= FEWEST_FRAMES:
         return
     # At a wrong rate a flight lasts longer, or shorter, than frames are used.
     time = (impact.track.time - impact.origin)[around]
@@ -143,7 +143,7 @@ def _falls_of(impact: Impact, assumed: FilmAssumptions) -> Iterator[_Fall]:
     for length, sign in ((-time[0], -1.0), (time[-1], 1.0)):
         away = max(min(assumed.contact.most, length / 3.0), 3.5 * step)
         side = np.flatnonzero(sign * time > away)
-        if side.size >= _FEWEST_FRAMES:
+        if side.size >= FEWEST_FRAMES:
             yield _fall(time[side], x[side], y[side], step, assumed)
 
 

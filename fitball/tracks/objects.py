@@ -25,6 +25,9 @@ from fitball.tracks.names import (
 _NUMBERED = re.compile(r"\d+|pt\d.*")
 # Columns that the points of a header share.
 _SHARED = ("id", "session", "part", "t", "frame", "quality", "visibility")
+# Columns that may be clocks, and by how much the rank of one that stands still rises.
+_CLOCKS = ("t", "frame")
+_IDLE = 2 * LISTED
 # Columns whose texts name clips and objects.
 _NAMING_ROWS = ("id", "part")
 # Fewest rows of which a column whose texts are all different names none.
@@ -115,13 +118,17 @@ def _points(
 
 def _counting(cells: TableCells, index: int, column: Column) -> Column:
     """What a column means by its texts too. One whose texts are all different names no clip, and a
-    file of several frames is no frame.
+    file of several frames is no frame. A clock that is empty or stands still goes behind others.
     """
     is_file = column.ours == "frame" and column.rank >= LISTED
-    if (column.ours not in _NAMING_ROWS and not is_file) or column.rank < 0:
+    is_clock = column.ours in _CLOCKS and not is_file
+    if column.rank < 0 or not (is_clock or is_file or column.ours in _NAMING_ROWS):
         return column
     texts = cells.text(index)
-    is_of_rows = len({*texts}) == len(texts) >= _FEWEST_ROWS
+    count = len({*texts} - {""})
+    is_of_rows = count == len(texts) >= _FEWEST_ROWS
+    if is_clock:
+        return column if count > 1 else column._replace(rank=column.rank + _IDLE)
     if is_file:
         return column if is_of_rows else Column("id", None, column.rank)
     return Column(None, None, 0) if is_of_rows else column

@@ -21,10 +21,11 @@ from fitball.tracks.choice import Choice
 from fitball.tracks.clock import (
     ClipClock,
     clock_of_clip,
+    is_idle,
     numbers_in_names,
-    plain_numbers,
     seconds_of_texts,
 )
+from fitball.tracks.find import FEWEST_FRAMES
 from fitball.tracks.names import BOX_COLUMNS, POSITION_COLUMNS, TICK, FilmNaming
 from fitball.tracks.objects import FilmedBall, balls_of_header
 from fitball.tracks.omitted import (
@@ -136,7 +137,7 @@ class Reader:
                     continue
                 key = self._key(index)
                 written = None
-                if name in _OTHERWISE and np.isnan(plain_numbers(self.cells, index)).any():
+                if name in _OTHERWISE and np.isnan(self.cells.plain_numbers(index)).any():
                     written = _OTHERWISE[name](self.cells.text(index))
                 if written is None:
                     measured[key] = index
@@ -173,7 +174,7 @@ class Reader:
         count = len(self.cells.rows)
         clock = np.arange(float(count))
         for name in ("frame", "t"):
-            if name in ball.indices:
+            if name in ball.indices and not is_idle(values[self._key(ball.indices[name])]):
                 clock = values[self._key(ball.indices[name])]
         sessions = self._texts(ball, "session")
         ids = self._texts(ball, "id")
@@ -184,7 +185,9 @@ class Reader:
         if "id" not in ball.indices and not several_parts:
             timed = used[np.isfinite(clock[used])]
             restarts[timed[1:]] = np.diff(clock[timed]) < 0.0
-            restarts = np.cumsum(restarts)
+            # Rows in another order than that of time begin no clips.
+            in_order = restarts.sum() * FEWEST_FRAMES <= timed.size
+            restarts = np.cumsum(restarts) * in_order
         groups: dict[tuple[str, str, int], list[int]] = {}
         for row in used.tolist():
             names = [ids[row], parts[row] if several_parts else ""]
@@ -345,7 +348,8 @@ class Reader:
             if unsure.any():
                 self.unsure.append(values["quality"])
             return None
-        self._check_times(name, rows, clock.clock, order)
+        if not self._is_at_one_place(name, rows, clock.clock, order):
+            return None
         positions = np.column_stack([values["x"], values["y"]])[order]
         moved = np.any(np.diff(positions, axis=0), axis=1)
         repeated = np.concatenate([[False], ~moved])
@@ -412,15 +416,18 @@ class Reader:
         remedy = "project onto the plane of flight"
         self.cells.fault("three-coordinates", f"{words}: {remedy}", self._key(ball.indices["z"]))
 
-    def _check_times(self, name: str, rows: IntArray, clock: FloatArray, order: IntArray) -> None:
-        """Add a fault where a ball is at two places at one time."""
+    def _is_at_one_place(
+        self, name: str, rows: IntArray, clock: FloatArray, order: IntArray
+    ) -> bool:
+        """Whether a ball is at one place at each time; a fault where it is not."""
         twice = np.flatnonzero(np.diff(clock[order]) <= 0.0)
         if twice.size:
             words = (
                 f"'{one_line(name)}' has two positions at one time ({twice.size} times); "
-                "expected an id a ball"
+                "expected an id a ball, or a column frame where times are too coarse"
             )
             self.cells.fault("two-positions", words, None, int(rows[order[twice[0] + 1]]))
+        return not twice.size
 
     def _note_omitted(self, name: str, which: BoolArray, why: str) -> None:
         """Note how many frames are left out, if any."""
