@@ -2,15 +2,19 @@
 none.
 """
 
+from dataclasses import replace
+
 import lmfit
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.optimize import approx_fprime, curve_fit
+from scipy.optimize import approx_fprime, curve_fit, minimize_scalar
 from support.density import REBOUND, problem_of, scene_of, table_of, truth_of
 from support.line import SD, line_problem
 
 import fitball
+from fitball.base import air
+from fitball.base.values import Ball
 from fitball.inference.density import cells
 from fitball.inference.search import least_squares as search
 from fitball.inference.search.best_fit import best_fit
@@ -108,6 +112,102 @@ def test_what_the_scene_measured_counts():
     square = np.sum(z**2) + mass_z**2 + ratio_z**2
     assert result.chi_square == pytest.approx(square, rel=1e-9)
     assert result.degrees_of_freedom == 30 + 2 - 7
+
+
+def line_with_stated_slope(noise):
+    """The straight line, and that its slope is 0.62 ± 0.01 by another measurement."""
+    problem = line_problem(noise=noise, prior={"slope": "normal(0.62, 0.01)"})
+    parameters = tuple(
+        parameter._replace(measured=parameter.spec.name == "slope")
+        for parameter in problem.prior.parameters
+    )
+    return replace(problem, prior=replace(problem.prior, parameters=parameters))
+
+
+def shift_by_restricted_likelihood(x, y):
+    """Shift of a line, its error, and the sd of the noise. The stated slope is one common error of
+    all rows, of covariance 0.01^2 x x', beside the noise of largest restricted likelihood.
+    """
+    rest = y - 0.62 * x
+    ones = np.ones(x.size)
+
+    def fitted(noise):
+        covariance = noise**2 * np.eye(x.size) + 0.01**2 * np.outer(x, x)
+        inverse = np.linalg.inv(covariance)
+        information = ones @ inverse @ ones
+        shift = ones @ inverse @ rest / information
+        residual = rest - shift
+        deviance = np.linalg.slogdet(covariance)[1] + np.log(information)
+        return shift, information**-0.5, deviance + residual @ inverse @ residual
+
+    best = minimize_scalar(
+        lambda log_noise: fitted(np.exp(log_noise))[2],
+        bounds=(np.log(0.01), np.log(10.0)),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    noise = np.exp(best.x)
+    shift, error, _ = fitted(noise)
+    return shift, error, noise
+
+
+@pytest.mark.parametrize("noise", [SD / 20.0, SD, 20.0 * SD])
+def test_a_stated_parameter_keeps_its_error_whatever_noise_was_expected(noise):
+    problem = line_with_stated_slope(noise)
+    result = fit_of(problem)
+    x = problem.rows.states.v_x1
+    y = problem.rows.y[:, 0]
+    shift, error, scatter = shift_by_restricted_likelihood(x, y)
+    assert result.values["shift"] == pytest.approx(shift, abs=1e-4 * error)
+    assert result.stderr["shift"] == pytest.approx(error, rel=1e-4)
+    design = np.column_stack([x, np.ones(x.size)]) / scatter
+    information = design.T @ design + np.diag([0.01**-2, 0.0])
+    slope_error = np.sqrt(np.linalg.inv(information)[0, 0])
+    assert result.stderr["slope"] == pytest.approx(slope_error, rel=1e-4)
+    # Chi-square compares with the expected noise, and with what is stated.
+    residual = (y - result.values["slope"] * x - result.values["shift"]) / noise
+    stated = (result.values["slope"] - 0.62) / 0.01
+    assert result.chi_square == pytest.approx(residual @ residual + stated**2, rel=1e-9)
+    assert result.degrees_of_freedom == x.size + 1 - 2
+
+
+def speeds_of_heights(heights, cor_10, cor_slope, drag):
+    """Speeds after the bounce of balls dropped through air, as their rebound heights read at the
+    usual drag. Where restitution rises with speed, its odds are a power of it.
+    """
+    braking = drag * air.braking_per_drag(Ball(), {})
+    landing = air.landing_speed(heights, braking)
+    power = 10.0 * cor_slope / (cor_10 * (1.0 - cor_10))
+    odds = cor_10 / (1.0 - cor_10) * (landing / 10.0) ** power
+    rebound = odds / (1.0 + odds) * landing
+    usual = 0.55 * air.braking_per_drag(Ball(), {})
+    return air.launch_speed(air.rebound_height(rebound, braking), usual)
+
+
+def test_the_stated_drag_of_drops_by_heights_keeps_its_error():
+    """Drops tell little of the drag; residuals far below the expected noise do not add to it."""
+    heights = np.repeat([1.0, 1.5, 2.0, 2.54], 5)
+    errors = 0.002 * np.tile([-1.0, -0.5, 0.0, 0.5, 1.0], 4)
+    table = {"drop_height [m]": heights, "rebound_height [m]": 0.55 * heights + errors}
+    fit = fitball.calibrate(table, point_only=True)
+    result = fit.least_squares
+    names = ("cor_10", "cor_slope", "drag")
+    best = np.array([result.values[name] for name in names])
+    slopes = np.transpose(
+        [
+            speeds_of_heights(heights, *(best + step)) - speeds_of_heights(heights, *(best - step))
+            for step in 1e-5 * np.eye(3)
+        ]
+    )
+    design = slopes / 2e-5
+    measured = air.launch_speed(0.55 * heights + errors, 0.55 * air.braking_per_drag(Ball(), {}))
+    residual = measured - speeds_of_heights(heights, *best)
+    # The drag is between stated and measured: two to three parameters are the measurements'.
+    noise = np.sqrt(residual @ residual / 17.5)
+    information = design.T @ design / noise**2 + np.diag([0.0, 0.0, 0.08**-2])
+    expected = np.sqrt(np.diag(np.linalg.inv(information)))
+    assert [result.stderr[name] for name in names] == pytest.approx(expected, rel=0.02)
+    assert 0.05 < result.stderr["drag"] < 0.08
 
 
 def test_no_error_on_a_bound_or_where_nothing_changes():

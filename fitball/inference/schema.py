@@ -53,8 +53,9 @@ class PointFit(Struct, frozen=True):
 
 
 class LeastSquares(Struct, frozen=True):
-    """The least-squares fit by lmfit: no prior but bounds, standard errors scaled by chi-square.
-    Where a `stderr` is None, `missing` has the cause in words.
+    """The least-squares fit by lmfit: no prior but bounds and what is stated; standard errors by
+    how measurements scatter, chi-square by the noise that was expected. Where a `stderr` is None,
+    `missing` has the cause in words.
     """
 
     values: Mapping[str, float]
