@@ -20,6 +20,7 @@ from fitball.tracks.find import GRAVITY_FACTOR, gravity_words, impacts_of_track,
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.ids import joined
 from fitball.tracks.marks import Reading, doubts_of_marks
+from fitball.tracks.radii import RadiusScale, explains_gravity, scale_by_radius
 from fitball.tracks.session import Session
 from fitball.tracks.types import FilmAssumptions, Track
 
@@ -29,6 +30,8 @@ _PHONE_RATE = 495.0
 # Standard errors by which gravity is off from which on a note is due; twice as many, and a factor,
 # refuse a film.
 _GRAVITY_SDS = 3.0
+# Sd of a scale by the radius of the ball from which on a note is due: twice that of stated scales.
+_LARGE_SCALE_SD = 0.02
 # Least probability of being no outlier of a frame that fits a flight.
 _FITTING_PROBABILITY = 0.5
 # Fewest frames of a flight that fit it.
@@ -165,6 +168,7 @@ def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
     """The note that gravity is off by more than errors of the flights explain."""
     g, sd = session.gravity
     if not abs(g - GRAVITY) > _GRAVITY_SDS * sd:
+        yield from _scale_notes(session, of_session)
         return
     if g > GRAVITY:
         scale = "large"
@@ -175,9 +179,27 @@ def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
     off = percent(abs(g / GRAVITY - 1.0))
     late = percent(abs(np.sqrt(max(g, 0.0) / GRAVITY) - 1.0))
     read = f"g comes out as {PLAIN.plus_minus(g, sd)} m/s^2{of_session}, expected 9.81"
-    yield Note(
-        "gravity-off",
-        f"{read}: the scale is {off} too {scale}, or the clock {late} too {clock}.",
+    why = f"the scale is {off} too {scale}, or the clock {late} too {clock}"
+    by_radius = scale_by_radius(session)
+    if by_radius and explains_gravity(by_radius, g, _GRAVITY_SDS * sd):
+        why = f"the scale is {off} too {scale}. {_radius_words(by_radius)}"
+    yield Note("gravity-off", f"{read}: {why}.")
+
+
+def _scale_notes(session: Session, of_session: str) -> Iterator[Note]:
+    """The note that a scale by the radius of the ball is known to some per cent only."""
+    by_radius = scale_by_radius(session)
+    if by_radius and by_radius.sd > _LARGE_SCALE_SD:
+        words = f"The scale{of_session} is known to {percent(by_radius.sd)} only"
+        yield Note("scale-by-radius", f"{words}. {_radius_words(by_radius)}.")
+
+
+def _radius_words(scale: RadiusScale) -> str:
+    """The sentences on a scale by radii, which may be half a pixel small, with the remedy."""
+    per_px = MM.number(scale.corrected, 4)
+    return (
+        f"It rests on the radius of the ball, {PLAIN.number(scale.radius, 3)} px: contours of "
+        f"OpenCV are half a pixel small. If yours are, --mm-per-px {per_px} is right"
     )
 
 

@@ -36,7 +36,7 @@ from fitball.tracks.omitted import (
     unseen,
 )
 from fitball.tracks.polar import polar_columns
-from fitball.tracks.scale import Clip, metres_per_px
+from fitball.tracks.scale import Clip, scale_of_clip
 from fitball.tracks.space import MOST_FLAT, in_plane, is_flat
 from fitball.tracks.types import Track
 
@@ -357,7 +357,7 @@ class Reader:
         clip = Clip(name, rows, values, order[~repeated])
         order = clip.order
         time = clock.seconds(order)
-        scale = metres_per_px(self.cells, self.scene, clip, columns.pixels)
+        scale, radius_px = scale_of_clip(self.cells, self.scene, clip, columns.pixels)
         fold = self._fold(clip)
         x = values["x"][order] * (scale if "x" in columns.pixels else 1.0)
         y = values["y"][order] * (scale if "y" in columns.pixels else 1.0)
@@ -370,7 +370,7 @@ class Reader:
         if camera.angles == "clockwise":
             angle = -angle
         number = np.round(clock.frame[order]).astype(np.int64)
-        return Track(name, number, time, x, y, angle, fold, labels)
+        return Track(name, number, time, x, y, angle, fold, labels, radius_px)
 
     def _read_columns(self, ball: FilmedBall) -> set[int]:
         """The indices of columns that are read, for a ball or as labels."""

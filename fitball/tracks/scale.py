@@ -34,13 +34,22 @@ class Clip(NamedTuple):
         return self.values.get(name, np.full(self.rows.size, usual))
 
 
-def metres_per_px(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str]) -> float:
-    """Metres a pixel of a clip, as stated or by the radius of the ball in the picture; 1 where no
+class Scale(NamedTuple):
+    """The scale of a clip, and the radius of the ball [px] on which it rests, NaN where it is
+    stated.
+    """
+
+    metres_per_px: float
+    radius: float = np.nan
+
+
+def scale_of_clip(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str]) -> Scale:
+    """The scale of a clip, as stated or by the radius of the ball in the picture; 1 where no
     column, of those in `pixels`, needs it. A missing scale is a fault.
     """
     camera = scene.camera or CameraSection()
     stated = 1e-3 * (camera.mm_per_px or 0.0)
-    by_ball = _scale_of_ball(scene, clip, pixels)
+    by_ball, radius = _scale_of_ball(scene, clip, pixels)
     if stated and by_ball and abs(stated / by_ball - 1.0) > _MOST_SCALE_DIFFERENCE:
         measured = f"{MM.number(by_ball)} mm/px"
         words = (
@@ -48,9 +57,10 @@ def metres_per_px(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str])
             f"{MM.factor * stated:.3g} mm/px"
         )
         cells.note("scales-differ", f"{one_line(clip.name)}: {words}")
-    scale = stated or by_ball
-    if scale:
-        return scale
+    if stated:
+        return Scale(stated)
+    if by_ball:
+        return Scale(by_ball, radius)
     if "x" in pixels or "y" in pixels or camera.row_time:
         words = (
             "positions in pixels, and row_time, need a scale: expected --mm-per-px, "
@@ -58,17 +68,17 @@ def metres_per_px(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str])
         )
         if all(fault.code != "no-scale" for fault in cells.faults):
             cells.fault("no-scale", words)
-    return 1.0
+    return Scale(1.0)
 
 
-def _scale_of_ball(scene: Scene, clip: Clip, pixels: set[str]) -> float:
-    """Metres a pixel by the radius of the ball, if the scene states it and enough frames show it;
-    else 0.
+def _scale_of_ball(scene: Scene, clip: Clip, pixels: set[str]) -> Scale:
+    """The scale by the radius of the ball, if the scene states it and enough frames show it; else
+    0.
     """
     radius = scene.ball.radius
     if isinstance(radius, ValueWithSd):
         radius = radius.value
-    scale = 0.0
+    scale = Scale(0.0)
     if radius is None:
         return scale
     for name, share in (("radius", 1.0), ("diameter", 0.5)):
@@ -76,5 +86,6 @@ def _scale_of_ball(scene: Scene, clip: Clip, pixels: set[str]) -> float:
             sizes = clip.values[name][clip.order]
             sizes = sizes[sizes > 0.0]
             if sizes.size >= _FEWEST_RADII:
-                scale = radius / (share * float(np.median(sizes)))
+                in_px = share * float(np.median(sizes))
+                scale = Scale(radius / in_px, in_px)
     return scale

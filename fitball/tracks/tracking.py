@@ -25,6 +25,7 @@ from fitball.tracks.notes import (
     wrong_film,
     wrong_session,
 )
+from fitball.tracks.radii import scale_by_radius
 from fitball.tracks.read import read_tracks
 from fitball.tracks.session import PASSES, Session, fit_pass, session_of
 from fitball.tracks.types import FilmAssumptions
@@ -93,6 +94,8 @@ def track(
         for impact in session.good:
             impact.failed = why_impossible(impact, assumed)
         session.gravity = gravity_of(session.good)
+        if scene.camera is None or scene.camera.scale is None:
+            camera = _with_scale_sd(camera, session)
         refuse_or_note("gravity", wrong_session(session))
         notes += notes_of(session, name, scene)
     refused |= {impact.id: impact.failed for impact in impacts if impact.failed}
@@ -135,4 +138,15 @@ def _with_height_sd(camera: CameraSection, sd: float) -> CameraSection:
     height = camera.court_height
     if sd > (height.sd if isinstance(height, ValueWithSd) else 0.0):
         return changed(camera, court_height=ValueWithSd(0.0, sd))
+    return camera
+
+
+def _with_scale_sd(camera: CameraSection, session: Session) -> CameraSection:
+    """A camera whose scale has at least the sd of one that rests on radii, if that of a session
+    does.
+    """
+    scale = camera.scale
+    by_radius = scale_by_radius(session)
+    if by_radius and by_radius.sd > (scale.sd if isinstance(scale, ValueWithSd) else 0.0):
+        return changed(camera, scale=ValueWithSd(1.0, by_radius.sd))
     return camera
