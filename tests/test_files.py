@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pytest
 
 from fitball.base.environment import cache_folder
 from fitball.base.errors import FolderError
-from fitball.base.files import csv_bytes, json_bytes, result_folder
+from fitball.base.files import content_of, csv_bytes, json_bytes, result_folder
 
 LOCK = ".fitball.lock"
 WRITTEN = ".fitball-files"
@@ -49,9 +50,8 @@ MANY = (
     "for k in range(20):\n"
     "    with result_folder(Path(sys.argv[1]), overwrite=True, record='fit.json', wait=60) as "
     "folder:\n"
-    "        folder.clear()\n"
-    "        for name in (sys.argv[2], 'summary.csv', 'fit.json'):\n"
-    "            folder.write(name, f'{sys.argv[2]} {k}'.encode())\n"
+    "        names = (sys.argv[2], 'summary.csv', 'fit.json')\n"
+    "        folder.replace({name: f'{sys.argv[2]} {k}'.encode() for name in names})\n"
 )
 
 
@@ -74,50 +74,121 @@ def test_of_many_processes_at_once_the_folder_holds_the_result_of_one(tmp_path):
     assert contents == {f"{last} 19"}
 
 
-KILL = (
-    "with result_folder(Path(sys.argv[1]), record='fit.json') as folder:\n"
-    "    folder.write('trace.png', b'old')\n"
-    "    os.fsync = lambda file: os.kill(os.getpid(), signal.SIGKILL)\n"
-    "    folder.write('summary.csv', b'half')\n"
-)
+OLD = {"fit.nc": b"old", "trace.png": b"old", "fit.json": b"old"}
+NEW = {"fit.nc": b"new", "corner.png": b"new", "fit.json": b"new"}
+# Every way to the disk is counted, and the process is killed before that of the number stated.
+KILL = f"""
+steps = [int(sys.argv[2])]
+def stopping(call):
+    def stopped(*words, **more):
+        steps[0] -= 1
+        if steps[0] < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return call(*words, **more)
+    return stopped
+for name in ("fsync", "replace", "rename", "unlink", "mkdir", "rmdir"):
+    setattr(os, name, stopping(getattr(os, name)))
+with result_folder(Path(sys.argv[1]), overwrite=True, record="fit.json") as folder:
+    folder.replace({NEW})
+"""
+
+
+def put(folder, contents, **options):
+    with result_folder(folder, record="fit.json", **options) as locked:
+        return locked.replace(contents)
+
+
+def contents_of(folder):
+    return {name: content_of(folder / name) for name in ("fit.nc", "fit.json")}
 
 
 @POSIX
-def test_nothing_of_a_killed_run_mixes_with_the_next(tmp_path):
-    (tmp_path / "mine.csv").write_text("mine")
-    assert run(KILL, tmp_path).wait() == -signal.SIGKILL
-    remaining = names(tmp_path)
-    assert LOCK in remaining
-    assert "trace.png" in remaining
-    assert "summary.csv" not in remaining
-    assert len(remaining) == 4
-    with result_folder(tmp_path, record="fit.json") as folder:
-        folder.clear()
-        folder.write("fit.json", b"{}")
-    assert names(tmp_path) == ["fit.json", "mine.csv"]
+def test_wherever_a_run_is_killed_one_whole_result_is_there(tmp_path):
+    put(tmp_path / "before", OLD)
+    (tmp_path / "before" / "mine.csv").write_text("mine")
+    seen = []
+    for step in range(200):
+        folder = tmp_path / str(step)
+        shutil.copytree(tmp_path / "before", folder)
+        end = run(KILL, folder, step).wait()
+        read = contents_of(folder)
+        seen.append(read["fit.json"])
+        assert {*read.values()} in ({b"old"}, {b"new"})
+        # The next run ends what was begun, keeps what was whole, and is not held up.
+        with result_folder(folder, record="fit.json", overwrite=True):
+            kept = {path.name: path.read_bytes() for path in folder.glob("[!.]*")}
+        whole = OLD if seen[-1] == b"old" else NEW
+        assert kept == whole | {"mine.csv": b"mine"}
+        put(folder, {"fit.json": b"third"}, overwrite=True)
+        assert names(folder) == ["fit.json", "mine.csv"]
+        if end == 0:
+            break
+    # From one step on it is the new one, and each way to the disk was tried.
+    assert end == 0
+    assert len(seen) > 15
+    turn = seen.index(b"new")
+    assert seen == [b"old"] * turn + [b"new"] * (len(seen) - turn)
+    assert turn < len(seen) - 5
+
+
+@POSIX
+def test_what_a_killed_first_run_leaves_holds_up_no_other(tmp_path):
+    assert run(KILL, tmp_path, 6).wait() == -signal.SIGKILL
+    left = names(tmp_path)
+    assert LOCK in left
+    assert len(left) == 2
+    put(tmp_path, NEW)
+    assert names(tmp_path) == sorted(NEW)
 
 
 def test_an_older_result_is_kept_until_there_is_another(tmp_path):
-    with result_folder(tmp_path, record="fit.json") as folder:
-        for name in ("corner.png", "fit.json"):
-            folder.write(name, b"1")
+    put(tmp_path, {"corner.png": b"1", "fit.json": b"1"})
     refused("older-result", tmp_path, record="fit.json")
     # A run that adds to a result removes nothing, the folder of a table included; nor does one that
     # fails.
     with result_folder(tmp_path) as folder:
-        folder.clear()
         folder.write("trace.png", b"2")
-        folder.below("table").write("fit.json", b"3")
+        folder.below("table").replace({"fit.json": b"3"})
     with pytest.raises(KeyError), result_folder(tmp_path, record="fit.json", overwrite=True):
         raise KeyError
     assert names(tmp_path) == ["corner.png", "fit.json", "table", "trace.png"]
-    with result_folder(tmp_path, record="fit.json", overwrite=True) as folder:
-        folder.clear()
-        # A record without a list of files goes too.
-        (tmp_path / "fit.json").write_text("copied")
-        folder.clear()
-    assert names(tmp_path) == ["table"]
+    assert put(tmp_path, {"fit.json": b"4"}, overwrite=True) == (tmp_path / "fit.json",)
+    assert names(tmp_path) == ["fit.json", "table"]
     assert names(tmp_path / "table") == ["fit.json"]
+    # A batch without pages has fits alone.
+    refused("older-result", tmp_path / "table", record="report.html")
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
+@pytest.mark.parametrize("whole", [0, 2])
+def test_a_disk_that_is_full_keeps_the_older_result(tmp_path, monkeypatch, number, whole):
+    put(tmp_path, OLD)
+    synced = []
+
+    def full(_file):
+        synced.append(1)
+        if len(synced) > whole:
+            raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        with pytest.raises(FolderError) as caught:
+            put(tmp_path, NEW, overwrite=True)
+    assert caught.value.code == "not-written"
+    assert {name: (tmp_path / name).read_bytes() for name in names(tmp_path)} == OLD
+    put(tmp_path, NEW, overwrite=True)
+    assert {name: (tmp_path / name).read_bytes() for name in names(tmp_path)} == NEW
+
+
+def test_a_folder_in_the_place_of_a_file_refuses_the_new_result_alone(tmp_path):
+    put(tmp_path, OLD)
+    (tmp_path / "corner.png").mkdir()
+    with pytest.raises(FolderError) as caught:
+        put(tmp_path, NEW, overwrite=True)
+    assert caught.value.code == "not-written"
+    assert "corner.png" in str(caught.value)
+    assert names(tmp_path) == sorted({*OLD, "corner.png"})
+    assert contents_of(tmp_path) == {"fit.nc": b"old", "fit.json": b"old"}
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
@@ -156,16 +227,44 @@ def test_links_that_others_planted_are_not_followed(tmp_path):
     precious.write_text("kept")
     path.mkdir()
     (path / "fit.json").symlink_to(precious)
-    (path / WRITTEN).write_text("../precious\n/etc/hostname\n\n..\ntrace.pn")
+    (path / WRITTEN).write_bytes(b"../precious\n/etc/hostname\n\n..\n\xff\na\0b\nc\ntrace.pn")
     (path / "trace.pn").write_text("a line that is cut off names no file")
-    with result_folder(path, record="fit.json", overwrite=True) as folder:
-        folder.clear()
-        folder.write("fit.json", b"2")
+    (path / "c").mkdir()
+    put(path, {"fit.json": b"2"}, overwrite=True)
     assert precious.read_text() == "kept"
-    assert names(path) == ["fit.json", "trace.pn"]
+    assert names(path) == ["c", "fit.json", "trace.pn"]
+    assert not (path / "fit.json").is_symlink()
     (tmp_path / LOCK).symlink_to(precious)
     refused("no-folder", tmp_path)
     assert precious.read_text() == "kept"
+
+
+@POSIX
+@pytest.mark.parametrize("target", ["kept\n", None], ids=["file", "nothing"])
+@pytest.mark.parametrize("name", [WRITTEN, "curves.png", ".fitball-next"])
+def test_a_link_in_a_result_is_replaced_and_nothing_written_through_it(tmp_path, name, target):
+    path = tmp_path / "c"
+    precious = tmp_path / "precious"
+    put(path, OLD)
+    if target is not None:
+        precious.write_text(target)
+    (path / name).unlink(missing_ok=True)
+    (path / name).symlink_to(precious)
+    with result_folder(path) as folder:
+        folder.write("curves.png", b"drawn")
+    assert not (path / name).is_symlink()
+    assert (path / "curves.png").read_bytes() == b"drawn"
+    # Nor is what it says taken over.
+    assert "curves.png" in (path / WRITTEN).read_text()
+    assert "kept" not in (path / WRITTEN).read_text()
+    assert precious.exists() == (target is not None)
+    assert target is None or precious.read_text() == target
+    put(path, NEW, overwrite=True)
+    # What the link hid of the list stays beside the new result; what was drawn since goes.
+    assert {*names(path)} - {*NEW} == ({"trace.png"} if name == WRITTEN else set())
+    assert not (path / WRITTEN).is_symlink()
+    assert precious.exists() == (target is not None)
+    assert target is None or precious.read_text() == target
 
 
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "HOME"])

@@ -1,6 +1,7 @@
 """A result as text, page, JSON and folder: the same numbers in each, the record last."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 
 from fitball.base.errors import FolderError, Note, ParameterError
-from fitball.base.files import ResultFolder, result_folder
+from fitball.base.files import result_folder
 from fitball.base.findings import Findings
 from fitball.base.numbers import Unit
 from fitball.report.blocks import Picture, Report, Section, Table, Text
@@ -70,15 +71,12 @@ PAGE = Page(report, figures, files)
 
 
 def test_the_folder_has_all_of_it_and_the_record_last(tmp_path, monkeypatch):
-    order = []
-    write = ResultFolder.write
-    monkeypatch.setattr(
-        ResultFolder,
-        "write",
-        lambda self, name, *more: order.append(name) or write(self, name, *more),
-    )
+    moved = []
+    replace = os.replace
+    monkeypatch.setattr(os, "replace", lambda *paths: moved.append(paths[1]) or replace(*paths))
     places = Toy().save(tmp_path, command="fitball toy 'a b'")
-    assert [place.name for place in places] == order
+    order = [place.name for place in places]
+    assert [path.name for path in moved if path in places] == order
     assert order[-1] == "own.json"
     # Of the figures those that the report shows.
     assert sorted(order) == ["line.png", "own.json", "references.bib", "report.html", "summary.csv"]

@@ -4,6 +4,7 @@ refused.
 
 import dataclasses
 import json
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ import xarray
 from numpy.testing import assert_array_equal, assert_equal
 from support.fit_by_hand import fit_by_hand, table_of
 
+import fitball
 from fitball.base.errors import FolderError
 from fitball.saved import files_of_fit
 
@@ -110,3 +112,33 @@ def test_what_is_no_fit_says_so(tmp_path):
     assert caught.value.code == "no-fit"
     assert files_of_fit.key_of(tmp_path) == ""
     assert "of a table" in str(caught.value)
+
+
+# Fits that 3.0.dev0 wrote, and what it predicted at their best values: rebound v_x2, v_y2 [m/s],
+# spin [rad/s]. Of the chains of `grip_slip` four steps in a hundred were kept.
+STORED = Path(__file__).parent / "data" / "stored"
+AT = {"impact": "v_x1=20, v_y1=8, omega_1=50", "level": {"surface": "clay"}}
+WRITTEN = {
+    "grip_slip": {"v_x2": 11.879396, "v_y2": 6.552996, "omega_2": 440.186651},
+    "two_mass_point": {"v_x2": 12.953827, "v_y2": 6.546864, "omega_2": 376.797567},
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_fit_of_3_0_dev0_is_read_used_and_written_again(tmp_path, name):
+    fit = fitball.load_fit(STORED / name)
+    record = json.loads((STORED / name / "fit.json").read_text())
+    assert fit.headline == record["headline"]
+    for parameter, stored in record["parameters"].items():
+        assert fit.parameters[parameter].point == stored["point"]
+        assert str(fit.parameters[parameter].verdict) == stored["verdict"]
+    predicted = fitball.predict(fit, **AT).frames["predictions"].set_index("column")
+    for column, value in WRITTEN[name].items():
+        assert predicted.loc[column, "point"] == pytest.approx(value, rel=1e-6)
+    if fit.posterior is not None:
+        assert fit.posterior.values.shape == (4, 4, 40, 10)
+        mean = fit.posterior.values[..., fit.posterior.names.index("e_x")].mean()
+        assert mean == pytest.approx(0.1446, abs=1e-3)
+    assert fit.report()
+    fit.save(tmp_path / "again", figures=False)
+    assert fitball.load_fit(tmp_path / "again") == fit

@@ -157,13 +157,12 @@ def _fitted(task: Task, name: str, source: TableSource) -> Fit:
         return fit
     if fit is None:
         fit = Fit.of(calibrate(problem, task.effort, _no_progress, user_model))
-    folder = replace(task.folder.below(name), record=FIT_FILE)
+    folder = task.folder.below(name)
     if task.figures is not None:
         fit.save(folder, figures=task.figures)
         return fit
-    folder.clear()
-    for file, content in files_of_fit.files(fit).items():
-        folder.write(file, content())
+    contents = files_of_fit.files(fit)
+    folder.replace({file: content() for file, content in contents.items()})
     return fit
 
 

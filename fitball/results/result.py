@@ -158,10 +158,9 @@ class Result:
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
         contents[REPORT_FILE] = to_page(self._report, images, command).encode()
-        folder.clear()
         # The record is last: where it is, all other files are.
         order = sorted(contents, key=lambda name: name == self.record)
-        return tuple(folder.write(name, contents[name]) for name in order)
+        return folder.replace({name: contents[name] for name in order})
 
     def _images(self, figures: bool | Literal["all"]) -> dict[str, bytes]:
         """The figures of the page as PNG, by name."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import MISSING, Field, fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias, get_args, get_type_hints
@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from fitball.base.errors import FolderError
-from fitball.base.files import FIT_FILE, json_bytes
+from fitball.base.files import FIT_FILE, content_of, json_bytes
 from fitball.base.text import one_line
 from fitball.base.values import FloatArray
 from fitball.inference.fitted import Fitted
@@ -122,7 +122,8 @@ def read(folder: Path, user_model: Model | None = None) -> Fitted:
         )
     long_arrays, posterior = unpacked(arrays, tuple(record["names"]))
     hints = get_type_hints(Fitted)
-    names = [field.name for field in fields(Fitted) if field.name not in _ELSEWHERE]
+    # What older fits have not has a default.
+    names = [field.name for field in fields(Fitted) if field.name in record or _required(field)]
     # Not strict: numbers may be texts.
     try:
         values = {
@@ -139,6 +140,12 @@ def read(folder: Path, user_model: Model | None = None) -> Fitted:
         text = f"not a fit as this version writes it ({reason}); run calibrate again"
         raise FolderError(f"{folder / FIT_FILE}: {text}", "no-fit") from None
     return Fitted(**values, posterior=posterior, own=user_model)
+
+
+def _required(field: Field[object]) -> bool:
+    """Whether a record must have a field of a fit."""
+    has_default = field.default is not MISSING or field.default_factory is not MISSING
+    return field.name not in _ELSEWHERE and not has_default
 
 
 def _array_reader(long_arrays: Mapping[str, FloatArray]) -> Callable[[type, object], _Array]:
@@ -188,7 +195,7 @@ def _record(folder: Path) -> dict[str, Any]:
 def _content(file: Path) -> bytes:
     """The bytes of a file. Raises FolderError (`no-fit`)."""
     try:
-        return file.read_bytes()
+        return content_of(file)
     except OSError as error:
         below = file.parent.glob(f"*/{FIT_FILE}") if isinstance(error, FileNotFoundError) else ()
         first = next(iter(sorted(below)), None)
