@@ -14,11 +14,12 @@ from support.drawn import cut_off
 from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
-from fitball.base.errors import FolderError, MachineError, ModelError, ParameterError
+from fitball.base.errors import FolderError, InputError, MachineError, ModelError, ParameterError
 from fitball.batches import many, page, rows
 from fitball.batches.batch import Batch
 from fitball.batches.tables import safe_name, tables_by_name
 from fitball.cli import main
+from fitball.data.scene import BallSection
 from fitball.report.render import to_text
 from fitball.report.style import MODEL_COLOUR
 
@@ -76,6 +77,36 @@ def courts(tmp_path, monkeypatch):
 
 
 OPTIONS = {"model": "brody", "point_only": True, "progress": False}
+
+
+def test_a_scene_of_a_folder_counts_for_its_tables(courts):
+    """A table with a scene of its own keeps that; one outside has none."""
+    (courts / "lot.toml").write_text("[ball]\nmass = 0.05\n")
+    (courts / "court 2.toml").write_text("[ball]\nmass = 0.06\n")
+    outside = courts.parent / "outside.csv"
+    outside.write_bytes((courts / "court 1.csv").read_bytes())
+    sources = iter([courts, outside])
+    batch = fitball.batch(sources, out="all", cores=1, figures="none", **OPTIONS)
+    masses = {name: batch[name].run.scene.ball.mass for name in (*GOOD, "outside")}
+    assert masses == {"court 1": 0.05, "court 2": 0.06, "court 3": 0.05, "outside": None}
+    assert [note.code for note in batch.notes] == ["scene-of-folder"]
+    options = {"out": "other", "cores": 1, "figures": "none", **OPTIONS}
+    stated = fitball.batch([courts], scene=fitball.Scene(ball=BallSection(mass=0.055)), **options)
+    assert {stated[name].run.scene.ball.mass for name in GOOD} == {0.055}
+    assert not stated.notes
+
+
+def test_several_scenes_of_a_folder_are_refused(courts):
+    for name in ("lot.toml", "other.toml"):
+        (courts / name).write_text("")
+    with pytest.raises(ParameterError) as refusal:
+        fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
+    assert refusal.value.code == "several-scenes"
+    (courts / "other.toml").unlink()
+    (courts / "lot.toml").write_text("[project]\n")
+    with pytest.raises(InputError) as fault:
+        fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
+    assert (fault.value.source, fault.value.code) == (str(courts / "lot.toml"), "scene")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of a POSIX system")

@@ -5,9 +5,9 @@ It writes as it goes, so it is given the locked folder; `batch.csv` is output, n
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -18,6 +18,7 @@ from fitball.base.errors import (
     FitballError,
     FolderError,
     MachineError,
+    Note,
 )
 from fitball.base.files import FIT_FILE, REPORT_FILE, ResultFolder
 from fitball.base.numbers import counted
@@ -27,9 +28,10 @@ from fitball.base.scheduling import as_completed
 from fitball.batches import rows
 from fitball.batches.batch import Batch
 from fitball.batches.rows import HEAD, TableRecord
-from fitball.batches.tables import tables_by_name
+from fitball.batches.tables import scenes_of_folders, tables_by_name
 from fitball.data.read import TableSource
 from fitball.data.scene import Scene, load_scene
+from fitball.data.sources import file_and_sheet
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import run_of
@@ -44,7 +46,8 @@ from fitball.saved import files_of_fit
 @dataclass(frozen=True)
 class Task:
     """What all tables of a batch have in common: the locked folder, options of a fit, its effort;
-    whether fits of other data or settings are replaced; figures of each page, None for no page.
+    whether fits of other data or settings are replaced; figures of each page, None for no page; by
+    folder the scene of its tables that have none of their own.
     """
 
     folder: ResultFolder
@@ -52,6 +55,19 @@ class Task:
     effort: Effort
     overwrite: bool
     figures: bool | Literal["all"] | None
+    scenes: Mapping[Path, Scene] = field(default_factory=dict)
+
+    def scene_of(self, source: TableSource) -> Scene | str:
+        """The scene of a table: that of all, or of its folder where none is beside the table; ""
+        where it is to be looked for.
+        """
+        of_all: Scene | str = self.options["scene"]
+        if of_all or not isinstance(source, str | Path):
+            return of_all
+        file = Path(file_and_sheet(str(source))[0]).absolute()
+        if file.with_suffix(".toml").exists():
+            return ""
+        return self.scenes.get(file.parent, "")
 
 
 def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
@@ -59,16 +75,21 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
     is in the folder is not fitted again; one that fails is a row.
 
     Raises:
-        ParameterError: there are no tables (`no-tables`), no scheduler at the `address`
+        ParameterError: there are no tables (`no-tables`), several scenes of a folder
+            (`several-scenes`), no scheduler at the `address`
             (`scheduler`), no such noise (`noise`), or an option is no mapping (`pairs`).
         ModelError: there is no such model, or the user's function fails (`own-model`).
         InputError: the scene cannot be read (`scene`).
     """
+    # Read twice, which no iterator can be.
+    data = [*data] if isinstance(data, Iterator) else data
     sources = tables_by_name(data, task.folder.path)
+    scene_files = {} if task.options["scene"] else scenes_of_folders(data)
+    scenes = {folder: load_scene(None, file) for folder, file in scene_files.items()}
     options = _checked_options(task.options)
     # One thread each; no number depends on it.
     effort = msgspec.structs.replace(task.effort, cores=1)
-    record = partial(_record, replace(task, options=options, effort=effort))
+    record = partial(_record, replace(task, options=options, effort=effort, scenes=scenes))
     stage = f"fitting {counted(len(sources), 'table')}"
     show(stage, 0.0)
     names = list(sources)
@@ -83,7 +104,14 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
     show("comparing tables", 0.0)
     model = options["model"]
     user_model = model if isinstance(model, Model) else None
-    return batch_of(task.folder.path, [records[name] for name in names], user_model)
+    notes = [_note_on_scene(folder, file) for folder, file in scene_files.items()]
+    return batch_of(task.folder.path, [records[name] for name in names], user_model, notes)
+
+
+def _note_on_scene(folder: Path, file: Path) -> Note:
+    """The note that a scene counts for a folder."""
+    words = f"{file.name} is the scene of all tables of {folder.name} that have none of their name."
+    return Note("scene-of-folder", words)
 
 
 def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,8 +135,13 @@ def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
     return checked
 
 
-def batch_of(folder: Path, records: Sequence[TableRecord], user_model: Model | None) -> Batch:
-    """The result of the records of all tables, in their order."""
+def batch_of(
+    folder: Path,
+    records: Sequence[TableRecord],
+    user_model: Model | None,
+    notes: Sequence[Note] = (),
+) -> Batch:
+    """The result of the records of all tables, in their order, with notes on all of them."""
     import pandas as pd
 
     heads = dict.fromkeys(HEAD)
@@ -122,7 +155,7 @@ def batch_of(folder: Path, records: Sequence[TableRecord], user_model: Model | N
     for record in records:
         for name, quantity in record.quantities.items():
             by_name.setdefault(name, []).append(quantity)
-    return Batch(folder, tables, rows.populations(by_name), quantities, (), user_model)
+    return Batch(folder, tables, rows.populations(by_name), quantities, tuple(notes), user_model)
 
 
 def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:
@@ -139,7 +172,8 @@ def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:
 
 def _fitted(task: Task, name: str, source: TableSource) -> Fit:
     """The fit of a table, from its folder if that has the same. Raises FitballError."""
-    problem, user_model = problem_from_sources([source], **task.options)
+    options = {**task.options, "scene": task.scene_of(source)}
+    problem, user_model = problem_from_sources([source], **options)
     folder_of_table = task.folder.path / name
     key = files_of_fit.key_of(folder_of_table)
     fit = None

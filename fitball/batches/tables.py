@@ -17,6 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from fitball.base.errors import ParameterError
+from fitball.base.text import listed
 from fitball.data.sources import PARQUET, file_and_sheet
 from fitball.data.table import ImpactTable
 from fitball.data.workbooks import WORKBOOKS
@@ -53,6 +54,31 @@ def tables_by_name(data: object, out: Path) -> dict[str, object]:
             "no-tables",
         )
     return {name: sources[key] for key, name in _unique_names(forms).items()}
+
+
+def scenes_of_folders(data: object) -> dict[Path, Path]:
+    """By folder of tables among `data` the scene file that counts for all tables of it which have
+    none of their own name.
+
+    Raises:
+        ParameterError: a folder has several such files (`several-scenes`).
+    """
+    scenes = dict[Path, Path]()
+    entries = data if isinstance(data, list | tuple) else [data]
+    for entry in entries:
+        if not isinstance(entry, str | os.PathLike) or not os.path.isdir(entry):  # noqa: PTH112
+            continue
+        folder = Path(entry).absolute()
+        files = sorted(folder.iterdir())
+        stems = {file.stem for file in files if file.suffix.lower() in ENDINGS}
+        of_all = [file for file in files if file.suffix == ".toml" and file.stem not in stems]
+        if len(of_all) > 1:
+            named = listed(file.name for file in of_all)
+            words = f"{named} are called as no table of {folder}: keep one, the scene of them all"
+            raise ParameterError(f"batch: {words}", "several-scenes")
+        if of_all:
+            scenes[folder] = of_all[0]
+    return scenes
 
 
 def _key(number: int, source: object) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Unpack
 
-from fitball.base.errors import InputError
+from fitball.base.errors import InputError, Note
 from fitball.base.findings import Findings
 from fitball.data.bundled import descriptions, published_priors
+from fitball.data.idle import idle_keys, idle_note
 from fitball.data.load import Sources, list_of_sources, load_data
 from fitball.data.read import Reading, TableSource
 from fitball.data.scene import Scene
@@ -38,8 +39,10 @@ def check(
     if not listed_sources:
         bundled = pd.DataFrame(descriptions().items(), columns=["table", "description"])
         return Findings({"bundled": bundled, "priors": pd.DataFrame(published_priors())})
-    table, errors = _read(listed_sources, scene, reading)
-    notes = () if table is None else table.notices
+    table, scene_read, errors = _read(listed_sources, scene, reading)
+    notes: tuple[Note, ...] = ()
+    if table is not None:
+        notes = (*table.notices, *idle_note(idle_keys(table, scene_read), "fits of this table"))
     doubts = [hint for error in errors for hint in error.hints]
     doubts += [note.text for note in notes if note.code == "misread"]
     notes = tuple(note for note in notes if note.code != "misread")
@@ -62,19 +65,20 @@ def _read(
     sources: list[TableSource],
     scene: Scene | str | Path | None,
     reading: Reading,
-) -> tuple[ImpactTable | None, list[InputError]]:
-    """The tables joined, None where they cannot be read or joined, and the errors: of several
-    tables those of each, then those of all together.
+) -> tuple[ImpactTable | None, Scene, list[InputError]]:
+    """The tables joined, None where they cannot be read or joined, with their scene, and the
+    errors: of several tables those of each, then those of all together.
     """
     errors = dict[str, InputError]()
     table = None
+    scene_read = Scene()
     attempts = [sources]
     if len(sources) > 1:
         attempts = [*([source] for source in sources), sources]
     for attempt in attempts:
         try:
-            table = load_data(attempt, scene, True, **reading)[0]
+            table, scene_read = load_data(attempt, scene, True, **reading)
         except InputError as error:
             errors[error.source] = error
             table = None
-    return table, [*errors.values()]
+    return table, scene_read, [*errors.values()]

@@ -119,11 +119,13 @@ class Doubt:
             todo.append(f"pass --flip {','.join(self.flip)}")
         if self.remedy:
             todo.append(self.remedy)
+        return f"{self.said}: if so, {listed(todo)}"
+
+    @property
+    def said(self) -> str:
+        """The reading without its remedy."""
         gain = PLAIN.number(self.gain)
-        return (
-            f"with {self.words} a quick fit is far better (log likelihood +{gain}): if so, "
-            f"{listed(todo)}"
-        )
+        return f"with {self.words} a quick fit is far better (log likelihood +{gain})"
 
 
 def doubts(table: ImpactTable, ball: Ball) -> tuple[Doubt, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fitball.base.itf import GRAVITY
 from fitball.base.values import FloatArray, IntArray
+from fitball.data.scene import CameraSection
 from fitball.tracks.flight import DRAG, LIFT_1, LIFT_2, Impact
 from fitball.tracks.types import FilmAssumptions, Track
 
@@ -116,7 +117,11 @@ def _impact_at(low: int, around: IntArray, name: str, track: Track) -> Impact:
     )
 
 
-def wrong_gravity(impacts: Iterable[Impact], assumed: FilmAssumptions) -> str:
+def wrong_gravity(
+    impacts: Iterable[Impact],
+    assumed: FilmAssumptions,
+    camera: CameraSection,
+) -> str:
     """What is wrong with rate, scale or direction of a film whose balls do not fall as on earth; ""
     where they may. Gravity is that of parabolas through heights away from the contact. Only errors
     by a factor are refused: a fit shows smaller ones.
@@ -127,7 +132,7 @@ def wrong_gravity(impacts: Iterable[Impact], assumed: FilmAssumptions) -> str:
     low, high, value, rate = np.median(falls, axis=0).tolist()
     if low < GRAVITY_FACTOR * GRAVITY and high > GRAVITY / GRAVITY_FACTOR:
         return ""
-    return gravity_words(value, rate)
+    return gravity_words(value, rate, camera)
 
 
 def _falls_of(impact: Impact, assumed: FilmAssumptions) -> Iterator[_Fall]:
@@ -171,13 +176,18 @@ def _fall(
     return _Fall(value - reach, value + reach, value, 1.0 / step)
 
 
-def gravity_words(value: float, rate: float) -> str:
+def other_y(camera: CameraSection) -> str:
+    """The direction in which y may grow besides the stated one, as the scene states it."""
+    return "up" if camera.y == "down" else "down"
+
+
+def gravity_words(value: float, rate: float, camera: CameraSection) -> str:
     """The sentence that refuses films with a gravity `value` [m/s^2] at `rate` [frames/s]."""
     read = f"g comes out as {value:.3g} m/s^2 at {rate:.4g} frames/s, expected 9.8"
+    if GRAVITY / GRAVITY_FACTOR < -value < GRAVITY_FACTOR * GRAVITY:
+        return f'{read}: state y = "{other_y(camera)}" in [camera]'
     if value <= 0.0:
-        return (
-            f'{read}: y may grow downwards (y = "down" in [camera]), or the track shows no flight'
-        )
+        return f"{read}: the track shows no flight"
     meant = f"the camera took about {rate * sqrt(GRAVITY / value):.0f} frames/s"
     scale = f"lengths are off by a factor of {value / GRAVITY:.2g}"
     return (

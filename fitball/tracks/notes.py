@@ -16,7 +16,13 @@ from fitball.base.text import listed, one_line
 from fitball.data.misreading import doubts
 from fitball.data.scene import CameraSection, Scene
 from fitball.tracks.film import Filmed
-from fitball.tracks.find import GRAVITY_FACTOR, gravity_words, impacts_of_track, wrong_gravity
+from fitball.tracks.find import (
+    GRAVITY_FACTOR,
+    gravity_words,
+    impacts_of_track,
+    other_y,
+    wrong_gravity,
+)
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.ids import joined
 from fitball.tracks.marks import Reading, doubts_of_marks
@@ -42,37 +48,35 @@ def wrong_film(
     tracks: Sequence[Track],
     impacts: Sequence[Impact],
     assumed: FilmAssumptions,
+    camera: CameraSection,
 ) -> str:
     """The sentence on films whose balls do not fall as on earth; "" where they may."""
     if impacts:
-        return wrong_gravity(impacts, assumed)
+        return wrong_gravity(impacts, assumed, camera)
     # The other way up there may be bounces.
     upside_down = list[Impact]()
     mirrored, _ = joined([replace(track, y=-track.y) for track in tracks], assumed)
     for track in mirrored:
         upside_down += impacts_of_track(track, assumed)[0]
-    if upside_down and not wrong_gravity(upside_down, assumed):
-        return (
-            'balls fall upwards: expected y that grows upwards, or y = "down" in [camera] '
-            "of the scene"
-        )
+    if upside_down and not wrong_gravity(upside_down, assumed, camera):
+        return f'balls fall upwards: state y = "{other_y(camera)}" in [camera] of the scene'
     return ""
 
 
-def wrong_session(session: Session) -> str:
+def wrong_session(session: Session, camera: CameraSection) -> str:
     """The sentence on a session whose fitted flights have a gravity that is off by a factor; ""
     where it is not.
     """
     g, sd = session.gravity
     off = abs(g - GRAVITY) > 2.0 * _GRAVITY_SDS * sd
     if off and not GRAVITY / GRAVITY_FACTOR < g < GRAVITY_FACTOR * GRAVITY:
-        return gravity_words(g, _frame_rate(session.impacts))
+        return gravity_words(g, _frame_rate(session.impacts), camera)
     return ""
 
 
-def misread_words(film: Filmed) -> str:
-    """The sentence that angles grow the other way, or columns are exchanged, where another reading
-    of the impacts fits far better; else "".
+def misread_words(film: Filmed, camera: CameraSection) -> str:
+    """The sentence on another reading of the impacts that fits far better; "" without one. Where
+    that negates all spins, angles grow the other way: y, which gravity shows, is right.
     """
     try:
         readings = doubts(film.table, film.scene.ball_value())
@@ -80,9 +84,13 @@ def misread_words(film: Filmed) -> str:
         return ""
     if not readings:
         return ""
-    camera = film.scene.camera or CameraSection()
-    other = _other_direction(camera)
-    return f'{readings[0].text}; of films: angles = "{other}" or y = "down" in [camera]'
+    best = readings[0]
+    spins = {name for name in ("omega_1", "omega_2") if name in film.table.values}
+    if best.kind == "sign" and {*best.flip} == spins:
+        remedy = f'angles = "{_other_direction(camera)}" in [camera]'
+    else:
+        remedy = "check which column is which"
+    return f"{best.said}: if so, {remedy}"
 
 
 def _other_direction(camera: CameraSection) -> str:

@@ -14,6 +14,7 @@ from fitball.base.text import listed, one_line
 from fitball.base.units import factor_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.cells import TableCells, numbers
+from fitball.data.idle import idle_note, stated_of_camera
 from fitball.data.labels import role_of
 from fitball.data.records import NUMBER
 from fitball.data.scene import CameraSection, Scene
@@ -51,6 +52,13 @@ _OTHERWISE: Mapping[str, Callable[[Sequence[str]], FloatArray | None]] = {
     "frame": numbers_in_names,
     "t": seconds_of_texts,
 }
+# Keys of [camera] that are used where a film has one of these.
+_USED_WITH = {
+    "mm_per_px": ("x [px]", "y [px]", "row_time"),
+    "angles": ("angle",),
+    "fold": ("angle",),
+    "min_confidence": ("quality",),
+}
 # The centre of a box along each axis: the near edge, the far one, or else the size.
 _BOXES = (("x", "left", "right", "width"), ("y", "top", "bottom", "height"))
 
@@ -67,7 +75,7 @@ class _Columns(NamedTuple):
 @dataclass
 class Reader:
     """Reads the tracks of a file; faults are added to its cells. `unsure` holds the confidences of
-    clips in which none is high enough.
+    clips in which none is high enough, `read` the columns of clips that were read.
     """
 
     cells: TableCells
@@ -76,6 +84,7 @@ class Reader:
     scene: Scene
     wanted: str = ""
     unsure: list[FloatArray] = field(default_factory=list)
+    read: set[str] = field(default_factory=set)
 
     @property
     def camera(self) -> CameraSection:
@@ -101,6 +110,8 @@ class Reader:
         tracks = [track for ball in balls for track in self._tracks_of(ball, values)]
         if self.unsure and not tracks:
             self._refuse_unsure()
+        idle = [key for key, columns in _USED_WITH.items() if self.read.isdisjoint(columns)]
+        cells.notes += idle_note(stated_of_camera(self.scene, idle), f"the track of {self.name}")
         return tracks
 
     def _check_names(self, balls: Sequence[FilmedBall]) -> None:
@@ -358,12 +369,14 @@ class Reader:
         order = clip.order
         time = clock.seconds(order)
         scale, radius_px = scale_of_clip(self.cells, self.scene, clip, columns.pixels)
+        self.read |= {*ball.indices, *(f"{column} [px]" for column in columns.pixels)}
         fold = self._fold(clip)
         x = values["x"][order] * (scale if "x" in columns.pixels else 1.0)
         y = values["y"][order] * (scale if "y" in columns.pixels else 1.0)
         if camera.y == "down":
             y = -y
         if camera.row_time:
+            self.read.add("row_time")
             # Rows count downwards; from which edge only moves the clock.
             time = time - camera.row_time * y / scale
         angle = clip.column("angle", np.nan)[order]

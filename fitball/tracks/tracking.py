@@ -82,7 +82,7 @@ def track(
             raise InputError(source, [Fault(code, f"{words}. If all is right, pass --as-read")])
         notes.append(Note(code, words))
 
-    refuse_or_note("gravity", wrong_film(tracks, impacts, assumed))
+    refuse_or_note("gravity", wrong_film(tracks, impacts, assumed, camera))
     sessions = dict[str, Session]()
     for name, of_session in _by_session(impacts).items():
         session = session_of(of_session, assumed, camera)
@@ -96,7 +96,7 @@ def track(
         session.gravity = gravity_of(session.good)
         if scene.camera is None or scene.camera.scale is None:
             camera = _with_scale_sd(camera, session)
-        refuse_or_note("gravity", wrong_session(session))
+        refuse_or_note("gravity", wrong_session(session, camera))
         notes += notes_of(session, name, scene)
     refused |= {impact.id: impact.failed for impact in impacts if impact.failed}
     if not any(session.good for session in sessions.values()):
@@ -107,7 +107,7 @@ def track(
             message += f". {omitted}"
         raise InputError(source, [Fault("no-impact", message)])
     film = film_of(sessions, assumed, changed(scene, camera=camera), refused, source)
-    refuse_or_note("misread", misread_words(film))
+    refuse_or_note("misread", misread_words(film, camera))
     return replace(film, notes=tuple(notes))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +15,7 @@ from fitball.base.errors import FitError, Note, ParameterError, suggestion
 from fitball.base.options import read_pairs, read_texts
 from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
+from fitball.data.idle import idle_keys, idle_note
 from fitball.data.load import Sources, load_data
 from fitball.data.read import Reading
 from fitball.data.scene import Scene, ValueWithSd
@@ -193,8 +194,7 @@ def build_problem(
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | camera_specs
     specs |= FALL_SPECS if fall is not None else {}
     specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in uncertain}
-    times_measured = any(observable.column.timed for observable in observables)
-    timed = times_measured or scene.contact_time is not None
+    timed = scene.contact_time is not None or any(item.column.timed for item in observables)
     settings = _settings(specs, table, scene, choices, prior_texts, timed)
     levels = _leveled_parameters(table, scene, choices, model, settings, timed, notes)
     _refuse_unknown(choices, scene, specs, levels)
@@ -211,7 +211,7 @@ def build_problem(
     rows = _measurements(table, forward, observables, noiseless, notes)
     contact_time = scene.contact_time if model.timed else None
     free_bases = {base_of(parameter.spec.name) for parameter in free}
-    return Problem(
+    problem = Problem(
         table=table,
         scene=scene,
         choices=choices,
@@ -227,6 +227,28 @@ def build_problem(
         notes=(*_assumptions(scene, choices, free_bases, timed), *notes),
         prior_texts=texts,
     )
+    idle = idle_note(idle_keys_of_problem(problem), "this fit")
+    return replace(problem, notes=(*problem.notes, *idle))
+
+
+def idle_keys_of_problem(problem: Problem) -> Iterator[str]:
+    """Keys of the scene, `[prior] k_y`, that the fit of a problem does not use."""
+    scene = problem.scene
+    model = problem.forward.model
+    yield from idle_keys(problem.table, scene)
+    bases = {base_of(parameter.spec.name) for parameter in problem.parameters}
+    if "mu" in scene.surface and "mu" not in bases:
+        yield "[surface] mu"
+    if scene.contact_time is not None and not model.timed:
+        yield "[contact_time]"
+    for name in scene.measurement:
+        noise = name.removeprefix("nominal_")
+        if noise in COMMON_PARAMETERS and noise not in bases:
+            yield f"[measurement] {name}"
+    for section in ("prior", "fix", "pool"):
+        for name in getattr(scene, section):
+            if base_of(name) not in {*bases, ALL} and name not in LAB_SPREADS:
+                yield f"[{section}] {name}"
 
 
 def _measurements(
