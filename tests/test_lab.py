@@ -2,6 +2,8 @@
 scipy.
 """
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -351,6 +353,29 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     assert np.isnan(low["passes"])
 
 
+@pytest.mark.parametrize("slowest", [0.8 * FALL, 1.035 * FALL, 1.06 * FALL])
+def test_a_range_of_speeds_leads_to_the_test_by_a_line_where_it_is_near(slowest):
+    """Speeds 0.33 m/s apart on average: the test is near at 0.24 m/s, and far at 0.41."""
+    rng = np.random.default_rng(2)
+    # Far from even, so that no speeds are the settings of a machine.
+    steps = np.array([0.0, 0.1, 0.5, 0.8, 1.6, 1.8, 2.2, 2.5, 2.6, 3.0])
+    speeds = slowest + steps
+    cor = 0.80 - 0.01 * speeds + 0.002 * rng.standard_normal(10)
+    table = impact_table({"v_y1": speeds, "v_y2": cor * speeds})
+    (mean,) = drop_test(table, HELD_DRAG).to_dict("records")
+    assert mean["kind"] == "mean"
+    line = linregress(speeds, cor)
+    if slowest > FALL + 0.3:
+        assert np.isnan(mean["rebound"])
+        assert mean["speed"] == pytest.approx(np.median(speeds))
+        return
+    at_test = line.intercept + line.slope * FALL
+    assert mean["speed"] == pytest.approx(FALL, rel=1e-9)
+    assert mean["cor"] == pytest.approx(at_test, rel=1e-9)
+    assert mean["rebound"] == pytest.approx(rise(at_test * FALL), rel=1e-9)
+    assert mean["rebound_q025"] < mean["rebound"] < mean["rebound_q975"]
+
+
 def test_each_surface_has_its_drops_and_its_ratio_to_the_rigid_one():
     heights = np.array([1.40, 1.41, 1.405, 1.20, 1.22, 1.21])
     surfaces = ("Smooth concrete",) * 3 + ("clay",) * 3
@@ -393,6 +418,49 @@ def test_drops_are_called_after_their_surface_where_there_are_several():
     text = "\n".join(page.sentences(fit_by_hand(frame.assign(surface=surfaces)), most=9))
     assert text.count("Drop test on clay, measured") == 1
     assert text.count("Drop test on concrete, measured") == 1
+
+
+def balls_dropped(restitutions):
+    """Five drops of each ball from four heights, of restitutions that scatter by 0.002."""
+    heights = np.repeat([0.5, 1.0, 1.5, 2.0], 5)
+    scatter = 0.002 * np.sin(7.0 * np.arange(20))
+    tables = [
+        pd.DataFrame(
+            {
+                "ball": ball,
+                "drop_height [m]": heights,
+                "rebound_height [m]": rise((cor + scatter) * landing(heights)),
+            }
+        )
+        for ball, cor in restitutions.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def test_each_ball_stands_on_the_first_screen():
+    truth = {"A": 0.93, "B": 0.88, "C": 0.73, "D": 0.89}
+    fit = fit_by_hand(balls_dropped(truth), scene=HELD_DRAG)
+    (line,) = page.sentences(fit)
+    by_ball = dict(re.findall(r"([\d.]+) \((\w)\)", line))
+    shown = {ball: float(cor) for cor, ball in by_ball.items()}
+    assert shown == pytest.approx(truth, abs=0.003)
+    # Of many balls the lowest and the highest.
+    many = {f"ball{k}": 0.70 + 0.01 * ((5 * k) % 8) for k in range(8)}
+    (line,) = page.sentences(fit_by_hand(balls_dropped(many), scene=HELD_DRAG))
+    ends = [float(cor) for cor in re.findall(r"([\d.]+) \(ball\d\)", line)]
+    assert ends == pytest.approx([0.70, 0.77], abs=0.003)
+
+
+def test_one_restitution_for_several_balls_is_noted():
+    table = load_table(balls_dropped({"A": 0.8, "B": 0.7}), scene=HELD_DRAG)
+    problem = build_problem(table, HELD_DRAG, Choices())
+    assert problem.forward.levels == ()
+    assert [note.code for note in problem.notes].count("balls-as-one") == 1
+    by_ball = build_problem(table, HELD_DRAG, Choices(pool={"cor_10": "ball"}))
+    assert "balls-as-one" not in {note.code for note in by_ball.notes}
+    one_ball = load_table(balls_dropped({"A": 0.8}), scene=HELD_DRAG)
+    problem = build_problem(one_ball, HELD_DRAG, Choices())
+    assert "balls-as-one" not in {note.code for note in problem.notes}
 
 
 def test_what_is_no_drop_test_has_none():

@@ -8,8 +8,9 @@ from made_tables import impact_table
 from scipy.optimize import minimize_scalar
 from scipy.stats import t
 
-from fitball.base import itf
+from fitball.base import air, itf
 from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.values import Ball
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
 from fitball.uses.lab import drop_test, measured_pace
@@ -159,14 +160,23 @@ def test_balls_dropped_once_differ_by_more_than_their_errors():
 
 
 def test_a_drop_test_weighs_the_errors_of_its_table(tmp_path):
+    """Slower and faster impacts of one restitution lead to the drop from 254 cm by a line."""
     path = tmp_path / "lab_errors.csv"
     path.write_text(LABORATORY)
+    v_y1, v_y2, v_y2_sd = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
+    test_speed = air.landing_speed(2.54, 0.55 * air.braking_per_drag(Ball(), {}))
+    level, covariance, freedom = by_hand(v_y2 / v_y1, v_y2_sd / v_y1, v_y1 - test_speed)
+    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
+    width = high - low
     (row,) = drop_test(load_table(path), Scene()).to_dict("records")
+    assert row["cor"] == pytest.approx(level[0], abs=1e-4)
     assert row["cor"] == pytest.approx(0.75, abs=0.002)
-    assert row["cor_q025"] < 0.75 < row["cor_q975"]
-    assert row["cor_q975"] - row["cor_q025"] < 0.01
+    ends = [row["cor_q025"], row["cor_q975"]]
+    assert ends == pytest.approx([low, high], abs=0.01 * width)
+    # Where a ball that falls from 254 cm at 6.89 m/s rises to, through air.
+    assert row["rebound"] == pytest.approx(1.326, abs=0.008)
     plain = drop_test(load_table(path, ignore=("v_y2_sd",)), Scene()).iloc[0]
-    assert plain["cor_q975"] - plain["cor_q025"] > 0.03
+    assert plain["cor_q975"] - plain["cor_q025"] > 3.0 * width
 
 
 def test_errors_of_a_restitution_are_those_of_both_speeds_and_their_correlation():
