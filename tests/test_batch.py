@@ -323,14 +323,16 @@ def batch_of_courts():
     """Five courts and a broken table, of fits that nobody fitted; verdicts go in turn."""
     frames = [table_of(18, ("clay", "hard"))]
     frames += [table_of(14 + k) for k in range(4)]
-    results = [rows.record_of(f"court {k}", fit_by_hand(frame)) for k, frame in enumerate(frames)]
+    fits = {f"court {k}": fit_by_hand(frame) for k, frame in enumerate(frames)}
+    results = [rows.record_of(name, fit) for name, fit in fits.items()]
     drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
     drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
     wiggle = 1.0 + 2e-3 * np.sin(np.arange(9))
     drops["v_y2"] = 0.745 * drops["v_y1"] * wiggle
-    results.append(rows.record_of("drops", fit_by_hand(drops)))
+    fits["drops"] = fit_by_hand(drops)
+    results.append(rows.record_of("drops", fits["drops"]))
     results.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
-    return many.batch_of(None, results, None)
+    return many.batch_of(None, results, None, fits.__getitem__)
 
 
 def test_a_row_has_labels_verdicts_and_laboratory_tests(batch_of_courts):
@@ -420,6 +422,54 @@ def test_populations_are_of_what_three_tables_determine(batch_of_courts):
         assert caught.value.code == code
 
 
+FRICTIONS = (0.4, 0.44, 0.48, 0.55, 0.95, 1.1, 1.2)
+
+
+@pytest.fixture(scope="module")
+def batch_of_frictions(tmp_path_factory):
+    """Tables of which only those with the lower friction let balls slide."""
+    rng = np.random.default_rng(7)
+    tables = {}
+    for k, mu in enumerate(FRICTIONS):
+        angle = np.radians(rng.uniform(18.0, 50.0, 10))
+        speed = rng.uniform(18.0, 30.0, 10)
+        states = fitball.impacts(speed * np.cos(angle), speed * np.sin(angle))
+        truth = {"mu": mu, "e_x": 0.18, "offset": 0.0, "cor_10": 0.75, "cor_slope": -0.013}
+        after = fitball.model("grip-slip").rebound(truth, states)
+        columns = {"v_x1": states.v_x1, "v_y1": states.v_y1, "omega_1": states.omega_1}
+        for name, sd in (("v_x2", 0.3), ("v_y2", 0.2), ("omega_2", 6.0)):
+            columns[name] = getattr(after, name) + sd * rng.standard_normal(10)
+        tables[f"court {k}"] = pd.DataFrame(columns)
+    options = {"model": "grip-slip", "max_steps": 300, "cores": 1, "figures": "none"}
+    return fitball.batch(tables, out=tmp_path_factory.mktemp("mu"), progress=False, **options)
+
+
+def test_a_mean_does_not_leave_out_tables_by_their_value(batch_of_frictions):
+    tables = batch_of_frictions.tables
+    determined = tables["mu_verdict"].isin(["identified", "given", "conditional"])
+    # Of all that is known only of the highest is a limit.
+    assert 3 <= determined.sum() < 7
+    row = batch_of_frictions.populations.loc["mu"]
+    assert row["tables"] == 7
+    assert row["determine"] == determined.sum()
+    assert row["mean_q025"] < np.exp(np.mean(np.log(FRICTIONS))) < row["mean_q975"]
+    # A new one may well be as high as two of seven are.
+    assert row["new_q975"] > 1.0
+    assert row["pareto_k"] < 0.7
+    # With the determined ones alone, as if the others had not been measured.
+    quantities = [row["mu"] for row in batch_of_frictions.quantities.values()]
+    lower = rows.over_tables("mu", [entry for entry in quantities if entry.determined])
+    assert np.quantile(lower.centre, 0.975) < row["mean_q975"]
+
+
+def test_tables_without_a_posterior_are_named(courts, capsys):
+    batch = fitball.batch([courts], out="all", cores=1, figures="none", **OPTIONS)
+    assert [note.code for note in batch.notes] == ["no-posterior"]
+    assert batch.populations.empty
+    two = fitball.batch([courts / "court 1.csv"], out="one", cores=1, figures="none", **OPTIONS)
+    assert two.notes == ()
+
+
 def test_the_page_has_every_table_and_its_figure_every_interval(batch_of_courts):
     text = to_text(page.report(batch_of_courts), full=True)
     tables = batch_of_courts.tables
@@ -443,7 +493,9 @@ def test_the_page_has_every_table_and_its_figure_every_interval(batch_of_courts)
     for line in lines:
         if to_rgba(line.get_color()) == to_rgba(MODEL_COLOUR):
             strong.extend(line.get_xdata())
-    determined = np.array([first in batch_of_courts.quantities[table] for table in tables.index])
+    verdicts = tables[f"{first}_verdict"]
+    determined = verdicts.isin(["identified", "given", "conditional"]).to_numpy()
+    assert 0 < determined.sum() < values.notna().sum()
     assert sorted(strong) == np.flatnonzero(determined & values.notna()).tolist()
     assert not cut_off(figure)
     # Where models differ they are named.

@@ -8,15 +8,14 @@ from scipy.stats import t as student
 from support.fit_by_hand import fit_by_hand, table_of
 
 from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.uses.groups import group_near, group_of, is_log, spread_prior
 from fitball.uses.hierarchy import (
     DRAWS_OF_EACH,
     Group,
+    Hierarchy,
     drawn_group,
-    group_of,
     hierarchy,
-    is_log,
     measured_group,
-    spread_prior,
 )
 
 # Eight schools (Rubin 1981, J. Educ. Stat. 6, 377): effects of coaching and their standard errors.
@@ -201,10 +200,13 @@ def test_intervals_hold_their_truth_and_with_the_priors_left_in_they_do_not():
 def test_groups_of_a_fit_have_the_density_of_their_prior():
     fit = fit_by_hand(table_of(24, ("clay", "hard")), prior={"e_x": "uniform(-1, 1)"})
     for quantity in fit.reported:
-        determined = quantity.verdict in ("identified", "given", "conditional")
-        has_group = group_of(fit, quantity.name) is not None
-        assert has_group == determined, quantity.name
+        # Whatever the verdict: one that depends on the value would choose by it.
+        assert group_of(fit, quantity.name) is not None, quantity.name
+    assert {quantity.verdict for quantity in fit.reported} >= {"one-sided", "prior-dominated"}
     assert group_of(fit, "no_such") is None
+    held = fit_by_hand(fix={"e_x": 0.1})
+    assert group_of(held, "e_x") is None
+    assert group_of(held, "mu") is not None
     assert group_of(fit_by_hand(sampled=False), "mu") is None
     plain = fit_by_hand(prior={"e_x": "lognormal(0.2, 0.5)", "mu": "normal(0.6, 0.3)"})
     assert is_log(fit.quantity("mu[clay]").spec)
@@ -227,6 +229,42 @@ def test_groups_of_a_fit_have_the_density_of_their_prior():
         assert group_sd == pytest.approx(sd, rel=0.2)
         # Bounds cut a little off both.
         assert np.ptp(group.interim - density(group.places)) < 1e-12
+
+
+def test_a_fit_is_drawn_anew_near_the_population():
+    """Drops of a constant restitution: its likelihood is one integral, over the noise."""
+    drops = table_of(9, drop=True)
+    options = {"cor_slope": 0.0}
+    fit = fit_by_hand(drops, model="brody", fix=options, prior={"cor_10": "normal(0.5, 0.1)"})
+    noise = {parameter.spec.name: parameter.prior for parameter in fit.problem.parameters}["v_y_sd"]
+    v_y1 = drops["v_y1"].to_numpy()
+    v_y2 = drops["v_y2"].to_numpy()
+
+    def likelihood(cor):
+        def at(log_sd):
+            z = (v_y2 - cor * v_y1) / np.exp(log_sd)
+            prior = noise.log_density(noise.coordinate(np.exp(log_sd)))
+            return np.exp(prior - 0.5 * z @ z - 9.0 * log_sd)
+
+        return quad(at, -5.0, 3.0, limit=200)[0]
+
+    # Where the posterior has all but none of its draws.
+    new = 0.45 + 0.01 * normal_quantiles(500)
+    population = Hierarchy(new, new, new, np.empty((0, 0)), np.empty(0))
+    group = group_near(fit, "cor_10", population, np.random.default_rng(5))
+    at = np.linspace(0.25, 0.85, 301)
+    interim = norm(0.5, 0.1).logpdf(at) + norm(new.mean(), 2.0 * new.std()).logpdf(at)
+    density = np.array([likelihood(cor) for cor in at]) * np.exp(interim)
+    density /= density.sum()
+    mean = density @ at
+    sd = np.sqrt(density @ (at - mean) ** 2)
+    posterior = density / np.exp(norm(new.mean(), 2.0 * new.std()).logpdf(at))
+    assert posterior @ at / posterior.sum() > mean + 2.0 * sd
+    assert group.places.mean() == pytest.approx(mean, abs=0.25 * sd)
+    assert np.hypot(group.places.std(), group.width) == pytest.approx(sd, rel=0.15)
+    divided = norm(0.5, 0.1).logpdf(group.places)
+    divided += norm(new.mean(), 2.0 * new.std()).logpdf(group.places)
+    assert np.ptp(group.interim - divided) < 1e-9
 
 
 def test_the_spread_between_tables_is_expected_as_between_levels():

@@ -218,9 +218,10 @@ def test_what_did_not_converge_has_exit_code_1():
     assert fit.exit_code == 0
     assert replace(fit, status="not converged").exit_code == 1
     record = rows.record_of("a", fit)
-    assert many.batch_of(None, [record], None).exit_code == 0
+    fits = {"a": fit}
+    assert many.batch_of(None, [record], None, fits.get).exit_code == 0
     record.row["status"] = "not converged"
-    assert many.batch_of(None, [record], None).exit_code == 1
+    assert many.batch_of(None, [record], None, fits.get).exit_code == 1
 
 
 def test_a_result_of_what_was_computed_has_all_of_it(fit):

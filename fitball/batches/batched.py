@@ -18,8 +18,9 @@ from fitball.uses.hierarchy import Hierarchy
 class Batched:
     """A batch in a `folder`. Frames `tables` (`batch.csv`: a row a table, with outcome, adequacy,
     quantities in SI with sds and verdicts, measured pace and rebound) and `populations` (centre and
-    spread of each quantity that three tables determine). `quantities` are those of each table, by
-    name; `own` is the user's function that all were fitted with.
+    spread of each quantity that three tables determine, by all tables with a posterior).
+    `quantities` are those of each table, by name; `own` is the user's function that all were fitted
+    with.
     """
 
     folder: Path
@@ -66,7 +67,7 @@ class Batched:
         return dict(self.tables["reason"][self.tables["outcome"] == FAILED])
 
     def population(self, name: str) -> Hierarchy:
-        """Draws of centre and spread of a quantity over the tables that determine it, of a new
+        """Draws of centre and spread of a quantity over all tables with a posterior, of a new
         table, of each given all others; in SI, but the spread of a logarithm, which is relative.
 
         Raises:
@@ -95,7 +96,7 @@ class Batched:
         return over_tables(name, self.of(name))
 
     def of(self, name: str) -> list[TableQuantity]:
-        """A quantity of the tables that determine it, in their order.
+        """A quantity of the tables that have a posterior or a test of it, in their order.
 
         Example:
             >>> import tempfile

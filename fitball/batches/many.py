@@ -5,7 +5,7 @@ It writes as it goes, so it is given the locked folder; `batch.csv` is output, n
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -25,6 +25,7 @@ from fitball.base.numbers import counted
 from fitball.base.options import read_pairs, read_texts
 from fitball.base.progress import Progress
 from fitball.base.scheduling import as_completed
+from fitball.base.values import DataFrame
 from fitball.batches import rows
 from fitball.batches.batch import Batch
 from fitball.batches.rows import HEAD, TableRecord
@@ -34,13 +35,14 @@ from fitball.data.scene import Scene, load_scene
 from fitball.data.sources import file_and_sheet
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
-from fitball.inference.fitted import run_of
+from fitball.inference.fitted import Fitted, run_of
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.build import problem_from_sources
 from fitball.models.model import Model
 from fitball.models.registry import model as model_of
 from fitball.results.fit import Fit
 from fitball.saved import files_of_fit
+from fitball.uses.hierarchy import LEAST_GROUPS
 
 
 @dataclass(frozen=True)
@@ -104,8 +106,14 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
     show("comparing tables", 0.0)
     model = options["model"]
     user_model = model if isinstance(model, Model) else None
+
+    def fit_of(name: str) -> Fitted:
+        """The fit of a table, from its folder."""
+        return files_of_fit.read(task.folder.path / name, user_model)
+
     notes = [_note_on_scene(folder, file) for folder, file in scene_files.items()]
-    return batch_of(task.folder.path, [records[name] for name in names], user_model, notes)
+    in_order = [records[name] for name in names]
+    return batch_of(task.folder.path, in_order, user_model, fit_of, notes)
 
 
 def _note_on_scene(folder: Path, file: Path) -> Note:
@@ -139,9 +147,12 @@ def batch_of(
     folder: Path,
     records: Sequence[TableRecord],
     user_model: Model | None,
+    fit_of: Callable[[str], Fitted],
     notes: Sequence[Note] = (),
 ) -> Batch:
-    """The result of the records of all tables, in their order, with notes on all of them."""
+    """The result of the records of all tables, in their order, with notes on all of them; `fit_of`
+    reads the fit of a table by its name.
+    """
     import pandas as pd
 
     heads = dict.fromkeys(HEAD)
@@ -150,12 +161,28 @@ def batch_of(
     tables = pd.DataFrame([record.row for record in records], columns=list(heads))
     tables = tables.set_index("table")
     tables["impacts"] = tables["impacts"].astype("Int64")
-    quantities = {str(record.row["table"]): record.quantities for record in records}
+    quantities = {str(record.row["table"]): dict(record.quantities) for record in records}
     by_name = dict[str, list[rows.TableQuantity]]()
-    for record in records:
-        for name, quantity in record.quantities.items():
-            by_name.setdefault(name, []).append(quantity)
-    return Batch(folder, tables, rows.populations(by_name), quantities, tuple(notes), user_model)
+    for name in dict.fromkeys(name for record in records for name in record.quantities):
+        of_tables = {table: row[name] for table, row in quantities.items() if name in row}
+        if rows.is_compared([*of_tables.values()]):
+            of_tables = rows.with_reliable_weights(name, of_tables, fit_of)
+        for table, quantity in of_tables.items():
+            quantities[table][name] = quantity
+        by_name[name] = [*of_tables.values()]
+    populations = rows.populations(by_name)
+    return Batch(folder, tables, populations, quantities, (*notes, *_notes(tables)), user_model)
+
+
+def _notes(tables: DataFrame) -> Iterator[Note]:
+    """What should be read of the fitted `tables`."""
+    without = int((tables["status"] == "point only").sum())
+    if without >= LEAST_GROUPS:
+        text = (
+            f"{without} tables have no posterior (--point-only), which means over tables need: "
+            "leave the option out for them"
+        )
+        yield Note("no-posterior", f"{text}.")
 
 
 def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:
@@ -220,4 +247,4 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         raise FolderError(text, "no-batch")
     fits = {name: files_of_fit.read(folder / name, user_model) for name in names}
     records = [rows.record_of(name, fit) for name, fit in fits.items()]
-    return batch_of(folder, records, user_model)
+    return batch_of(folder, records, user_model, fits.__getitem__)

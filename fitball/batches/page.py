@@ -55,8 +55,9 @@ _MOST_LEGIBLE = 60
 _LETTERS_OF_REASON = 400
 _ABOUT = (
     "Mean: centre of a normal population of tables. Spread: its sd, of a positive quantity in "
-    "percent. New: a table of which nothing was measured. Tables count whose data determine the "
-    "quantity; the prior of each fit is divided out (Hogg, Myers and Bovy 2010)."
+    "percent. New: a table of which nothing was measured. Every table with a posterior takes part, "
+    "also where its data limit a quantity on one side only; the prior of each fit is divided out "
+    "(Hogg, Myers and Bovy 2010)."
 )
 # How tables with each answer on adequacy are counted.
 _ANSWERS = {
@@ -82,7 +83,7 @@ def report(batch: Batched) -> Report:
         more = f"{len(reasons) - _MOST_REASONS} more failed: see `batch.csv`."
         reasons = [*reasons[:_MOST_REASONS], more]
     caption = (
-        "Each table: median and 95 % interval; grey where its data do not determine the quantity. "
+        "Each table: median and 95 % interval; grey where its data alone do not determine it. "
         "Band: 95 % interval of the mean; dashed: of a new table."
     )
     summary: list[Block] = [
@@ -123,11 +124,12 @@ def _described(batch: Batched) -> str:
 def _population_table(batch: Batched) -> Table:
     """A row a quantity that three tables determine, the first ones."""
     rows = []
-    for name, population in batch.populations.head(_MOST_QUANTITIES).iterrows():
+    shown = batch.populations.head(_MOST_QUANTITIES)
+    for name, population in shown.iterrows():
         unit = batch.of(str(name))[0].display_unit
         cells: dict[str, str] = {
             "quantity": Mark(short(str(name), 28), "name", population["meaning"]),
-            "tables": f"{population['tables']}",
+            "tables": _count(population),
         }
         for head in ("mean", "spread", "new"):
             median, low, high = (float(population[f"{head}{end}"]) for end in ENDS)
@@ -140,13 +142,23 @@ def _population_table(batch: Batched) -> Table:
             hint = f"Pareto k {population['pareto_k']:.2f}"
             cells[""] = Mark("weights unreliable", "part", hint)
         rows.append(cells)
+    title = "Over tables"
+    if (shown["determine"] < shown["tables"]).any():
+        title = "Over tables (in brackets how many of them determine it)"
     return Table(
-        "Over tables",
+        title,
         rows,
         ("unit", ""),
         "all are in `population.csv`",
         len(batch.populations),
     )
+
+
+def _count(population: Series) -> str:
+    """How many tables take part, in brackets how many determine the quantity, if not all do."""
+    if population["determine"] == population["tables"]:
+        return f"{population['tables']}"
+    return f"{population['tables']} ({population['determine']})"
 
 
 def _table_of_all(batch: Batched) -> Table:
@@ -218,7 +230,8 @@ def _draw_quantity(axes: Axes, batch: Batched, name: str, population: Series) ->
     if first.unit:
         heads[0] = f"{name} [{first.unit}]"
     middle, low, high = (factor * tables[head].to_numpy(np.float64) for head in heads)
-    determined = np.array([name in batch.quantities[table] for table in tables.index])
+    of_tables = [batch.quantities[table].get(name) for table in tables.index]
+    determined = np.array([entry is not None and entry.determined for entry in of_tables])
     width, size = (1.6, 4.0) if len(tables) <= _MOST_LEGIBLE else (0.6, 1.5)
     for group, colour in ((~determined, style.PALE), (determined, style.MODEL_COLOUR)):
         rows = np.flatnonzero(group & np.isfinite(middle))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,17 +18,16 @@ from fitball.base.values import DataFrame
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.levels import SPREAD_FREEDOM, usual_spread
+from fitball.inference.sampling.importance import RELIABLE_K
 from fitball.inference.schema import Estimate
-from fitball.uses.hierarchy import (
-    LEAST_GROUPS,
-    Group,
-    Hierarchy,
+from fitball.uses.groups import (
+    DETERMINED_VERDICTS,
+    group_near,
     group_of,
-    hierarchy,
     is_log,
-    measured_group,
     spread_prior,
 )
+from fitball.uses.hierarchy import LEAST_GROUPS, Group, Hierarchy, hierarchy, measured_group
 from fitball.uses.lab import drop_test, measured_pace
 
 DONE = "done"
@@ -39,6 +38,8 @@ HEAD = ("table", "outcome", "code", "reason", "impacts", "model", "status", "ade
 _KINDS = ("model", "level", "derived")
 # Sds of a normal distribution in its 95 % interval.
 _SDS_IN_INTERVAL = 3.92
+# Times that tables far from the population are drawn anew at most: once is mostly enough.
+_MOST_STEPS = 5
 # What the columns of a quantity end with: its value, the ends of its 95 % interval.
 ENDS = ("", "_q025", "_q975")
 # How errors with faults are broken into lines, and joined in a cell of a table.
@@ -51,11 +52,13 @@ _LINE_BREAKS = (
 
 
 class TableQuantity(NamedTuple):
-    """A quantity of one table: its `group`, the prior of its `spread` between tables, whether its
-    coordinate is the logarithm (`log`); its `unit` in SI and as people read it, and what it is.
+    """A quantity of one table: its `group`, whether its data determine it, the prior of its
+    `spread` between tables, whether its coordinate is the logarithm (`log`); its `unit` in SI and
+    as people read it, and what it is.
     """
 
     group: Group
+    determined: bool
     spread: Prior
     log: bool
     unit: str
@@ -136,16 +139,23 @@ def record_of(name: str, fit: Fitted) -> TableRecord:
 
 
 def _fitted_quantity(fit: Fitted, estimate: Estimate) -> TableQuantity | None:
-    """A parameter or derived quantity as one that is compared over tables; None for noises, and
-    where the data do not determine it.
+    """A parameter or derived quantity as one that is compared over tables; None for noises, what is
+    fixed, and fits without a posterior.
     """
     group = group_of(fit, estimate.name) if estimate.kind in _KINDS else None
     if group is None:
         return None
     spec = fit.quantity(estimate.name).spec
     meaning, _, _ = estimate.meaning.partition(",")
-    spread = spread_prior(fit, estimate.name)
-    return TableQuantity(group, spread, is_log(spec), spec.unit, spec.display_unit, meaning)
+    return TableQuantity(
+        group=group,
+        determined=estimate.verdict in DETERMINED_VERDICTS,
+        spread=spread_prior(fit, estimate.name),
+        log=is_log(spec),
+        unit=spec.unit,
+        display_unit=spec.display_unit,
+        meaning=meaning,
+    )
 
 
 def _measured_quantity(tested: _Tested, unit: str) -> TableQuantity:
@@ -155,7 +165,7 @@ def _measured_quantity(tested: _Tested, unit: str) -> TableQuantity:
     size = usual_spread(tested.value, 0.0, log=False)
     prior = f"half-t({size:.6g}, {SPREAD_FREEDOM})"
     spread = parse_prior(ParameterSpec(tested.name, "", 0.0, np.inf, prior, "", ""))
-    return TableQuantity(group, spread, False, unit, tested.display_unit, tested.meaning)
+    return TableQuantity(group, True, spread, False, unit, tested.display_unit, tested.meaning)
 
 
 def _value_columns(
@@ -205,20 +215,23 @@ def _name_on(name: str, surface: str) -> str:
     return f"{name}[{surface}]" if surface else name
 
 
+def is_compared(quantities: Sequence[TableQuantity]) -> bool:
+    """Whether enough tables determine a quantity for a mean over all tables that have it."""
+    return sum(quantity.determined for quantity in quantities) >= LEAST_GROUPS
+
+
 def over_tables(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
-    """Centre, spread and a new table of a quantity that three tables determine: in SI, but the
-    spread of a logarithm, which is relative.
+    """Centre, spread and a new table of a quantity that three tables determine, by all tables that
+    have it: in SI, but the spread of a logarithm, which is relative.
 
     Raises:
         ParameterError: fewer than three tables determine it (`too-few-tables`).
     """
-    if len(quantities) < LEAST_GROUPS:
-        count = len(quantities)
+    if not is_compared(quantities):
+        count = sum(quantity.determined for quantity in quantities)
         text = f"{name}: the data of {count} tables determine it; expected at least {LEAST_GROUPS}"
         raise ParameterError(text, "too-few-tables")
-    groups = [quantity.group for quantity in quantities]
-    stream = Effort().stream(f"population of {name}")
-    population = hierarchy(groups, quantities[0].spread, stream)
+    population = _population(name, quantities)
     if not quantities[0].log:
         return population
     return population._replace(
@@ -228,16 +241,45 @@ def over_tables(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
     )
 
 
+def _population(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
+    """The hierarchy of a quantity of several tables, in its coordinate."""
+    groups = [quantity.group for quantity in quantities]
+    stream = Effort().stream(f"population of {name}")
+    return hierarchy(groups, quantities[0].spread, stream)
+
+
+def with_reliable_weights(
+    name: str,
+    quantities: Mapping[str, TableQuantity],
+    fit_of: Callable[[str], Fitted],
+) -> dict[str, TableQuantity]:
+    """A quantity by name of table; where the draws of a table hardly reach the population, its fit,
+    which `fit_of` reads by the name of the table, is drawn anew there.
+    """
+    settled = dict(quantities)
+    for step in range(_MOST_STEPS):
+        population = _population(name, list(settled.values()))
+        far = population.pareto_k > RELIABLE_K
+        if not far.any():
+            break
+        rng = Effort().stream(f"tables near the population of {name}, {step}")
+        for table, is_far in zip(quantities, far.tolist(), strict=True):
+            group = group_near(fit_of(table), name, population, rng) if is_far else None
+            if group is not None:
+                settled[table] = settled[table]._replace(group=group)
+    return settled
+
+
 def populations(quantities: Mapping[str, Sequence[TableQuantity]]) -> DataFrame:
     """A row a quantity that three tables determine, index `quantity`: `unit` in SI, `meaning`,
-    `tables`; `mean`, `spread` and a table that is `new`, each median with ends of 95 %; whether the
-    spread is `relative`; the largest Pareto k.
+    `tables` that take part, how many of them `determine` it; `mean`, `spread` and a table that is
+    `new`, each median with ends of 95 %; whether the spread is `relative`; the largest Pareto k.
     """
     import pandas as pd
 
     rows = {}
     for name, of_tables in quantities.items():
-        if len(of_tables) < LEAST_GROUPS:
+        if not is_compared(of_tables):
             continue
         population = over_tables(name, of_tables)
         first = of_tables[0]
@@ -245,6 +287,7 @@ def populations(quantities: Mapping[str, Sequence[TableQuantity]]) -> DataFrame:
             "unit": first.unit,
             "meaning": first.meaning,
             "tables": len(of_tables),
+            "determine": sum(quantity.determined for quantity in of_tables),
         }
         draws = {"mean": population.centre, "spread": population.spread, "new": population.new}
         for head, values in draws.items():
@@ -254,7 +297,7 @@ def populations(quantities: Mapping[str, Sequence[TableQuantity]]) -> DataFrame:
         row["relative"] = first.log
         row["pareto_k"] = float(population.pareto_k.max())
         rows[name] = row
-    heads = ["unit", "meaning", "tables"]
+    heads = ["unit", "meaning", "tables", "determine"]
     heads += [f"{head}{end}" for head in ("mean", "spread", "new") for end in ENDS]
     heads += ["relative", "pareto_k"]
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=heads)
