@@ -89,11 +89,11 @@ def test_a_scene_of_a_folder_counts_for_its_tables(courts):
     batch = fitball.batch(sources, out="all", cores=1, figures="none", **OPTIONS)
     masses = {name: batch[name].run.scene.ball.mass for name in (*GOOD, "outside")}
     assert masses == {"court 1": 0.05, "court 2": 0.06, "court 3": 0.05, "outside": None}
-    assert [note.code for note in batch.notes] == ["scene-of-folder"]
+    assert [note.code for note in batch.notes] == ["scene-of-folder", "no-posterior"]
     options = {"out": "other", "cores": 1, "figures": "none", **OPTIONS}
     stated = fitball.batch([courts], scene=fitball.Scene(ball=BallSection(mass=0.055)), **options)
     assert {stated[name].run.scene.ball.mass for name in GOOD} == {0.055}
-    assert not stated.notes
+    assert [note.code for note in stated.notes] == ["no-posterior"]
 
 
 def test_several_scenes_of_a_folder_are_refused(courts):
