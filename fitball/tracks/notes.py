@@ -25,6 +25,7 @@ from fitball.tracks.find import (
 )
 from fitball.tracks.flight import T1, T2, VY1, VY2, Impact, measurement_of
 from fitball.tracks.ids import joined
+from fitball.tracks.lasting import widening
 from fitball.tracks.marks import Reading, doubts_of_marks
 from fitball.tracks.radii import RadiusScale, explains_gravity, scale_by_radius
 from fitball.tracks.session import Session
@@ -152,6 +153,7 @@ def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
     yield from _gravity_notes(session, of_session)
     yield from _spin_notes(session, many, of_session, scene.camera or CameraSection())
     yield from _gap_notes(session, many)
+    yield from _lasting_notes(session, of_session)
     yield from _ball_notes(session, scene)
     yield from _shutter_notes(session, scene)
 
@@ -258,6 +260,22 @@ def _gap_notes(session: Session, many: str) -> Iterator[Note]:
     if 2 * len(odd) > len(session.good):
         usual = _usual_times(odd, session.assumed)
         yield Note("gap-time", f"gap_time is implausible in {len(odd)} of {many}: {usual}.")
+
+
+def lasting_words() -> str:
+    """The sentences on errors that last over several frames beside the contact."""
+    return (
+        "Errors of positions beside the contact last over several frames, as where a motion model "
+        "estimates positions: track again without it, or export what was detected"
+    )
+
+
+def _lasting_notes(session: Session, of_session: str) -> Iterator[Note]:
+    """The note that errors last over several frames, and by how much sds are widened."""
+    if session.correlation:
+        factor = PLAIN.number(widening(session.correlation), 2)
+        words = f"Sds of velocities{of_session} were multiplied by {factor}"
+        yield Note("lasting-errors", f"{lasting_words()}. {words}.")
 
 
 def _ball_notes(session: Session, scene: Scene) -> Iterator[Note]:

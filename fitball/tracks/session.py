@@ -62,7 +62,8 @@ class Session:
     """The impacts of a session and what they have in common. `height` [m] of the centre at contact
     has an sd where it was found from contacts, else 0. `noise` [m] is that of x and of y,
     `angle_noise` [rad] that of the mark; `outliers` and `angle_outliers` are shares. `gravity`
-    [m/s^2] has its sd.
+    [m/s^2] has its sd. `correlation` is that of errors of neighbouring frames, 0 where chance
+    explains it.
     """
 
     impacts: list[Impact]
@@ -74,6 +75,7 @@ class Session:
     outliers: float = _FIRST_OUTLIERS
     angle_outliers: float = _FIRST_ANGLE_OUTLIERS
     gravity: tuple[float, float] = (np.nan, np.nan)
+    correlation: float = 0.0
 
     @property
     def good(self) -> list[Impact]:

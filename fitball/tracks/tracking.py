@@ -18,7 +18,9 @@ from fitball.tracks.film import Filmed, film_of
 from fitball.tracks.find import gravity_of, impacts_of_track
 from fitball.tracks.flight import Impact
 from fitball.tracks.ids import joined
+from fitball.tracks.lasting import lasting_correlation, widening
 from fitball.tracks.notes import (
+    lasting_words,
     misread_words,
     notes_of,
     why_impossible,
@@ -91,9 +93,7 @@ def track(
         for number in range(PASSES):
             progress(f"Impacts {name}".strip(), number / PASSES)
             fit_pass(session, number)
-        for impact in session.good:
-            impact.failed = why_impossible(impact, assumed)
-        session.gravity = gravity_of(session.good)
+        _judge(session, camera)
         if scene.camera is None or scene.camera.scale is None:
             camera = _with_scale_sd(camera, session)
         refuse_or_note("gravity", wrong_session(session, camera))
@@ -102,13 +102,26 @@ def track(
     if not any(session.good for session in sessions.values()):
         reasons = dict.fromkeys(map(one_line, refused.values()))
         words = listed(reasons, most=4) or "no row has a position"
-        message = f"no impact in {counted(len(tracks), 'track')}: {words}"
-        if omitted := next((note.text for note in notes if note.code == "frames-left-out"), ""):
-            message += f". {omitted}"
-        raise InputError(source, [Fault("no-impact", message)])
+        sentences = [f"no impact in {counted(len(tracks), 'track')}: {words}"]
+        if any(session.correlation for session in sessions.values()):
+            sentences.append(lasting_words())
+        sentences += [note.text for note in notes if note.code == "frames-left-out"][:1]
+        raise InputError(source, [Fault("no-impact", ". ".join(sentences))])
     film = film_of(sessions, assumed, changed(scene, camera=camera), refused, source)
     refuse_or_note("misread", misread_words(film, camera))
     return replace(film, notes=tuple(notes))
+
+
+def _judge(session: Session, camera: CameraSection) -> None:
+    """Judge the fitted impacts of a session: their gravity, which are impossible, and whether their
+    errors last over frames, in which case sds are widened.
+    """
+    if not camera.lasting:
+        session.correlation = lasting_correlation(session.good)
+    for impact in session.good:
+        impact.failed = why_impossible(impact, session.assumed)
+        impact.covariance *= widening(session.correlation) ** 2
+    session.gravity = gravity_of(session.good)
 
 
 def _names_of(sources: Sequence[TableSource]) -> Iterator[str]:
