@@ -248,6 +248,9 @@ def test_a_friction_that_no_impact_feels_leaves_what_follows_from_it():
     problem, truth = bounces(v_x, v_y, SPINS, 0.6)
     judged = verdicts_of(problem, **truth)
     assert judged["mu"].verdict == "one-sided"
+    assert judged["mu"].open_side == "above"
+    # More friction is a slower court.
+    assert judged["court_pace"].open_side == "below"
     assert judged["e_x"].verdict == "identified"
     # At 16 degrees a ball would slide.
     assert judged["court_pace"].verdict == "one-sided"
@@ -260,13 +263,17 @@ RANKED = [
     ({"freedom": 2.0, "interval": (None, None)}, "no-freedom"),
     ({"interval": (None, None), "contraction": 0.1}, "open"),
     ({"open": ("mu",), "bounded": ("mu",)}, "open-part"),
+    ({"interval": (None, 2.0), "bound": "Its best value lies on a bound."}, "at-bound"),
+    ({"interval": (None, None), "bound": "Its best value lies on a bound."}, "open"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
     ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
     (
         {"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"},
         "held-off",
     ),
-    ({"contraction": 0.19, "extrapolated": "far"}, "unchanged"),
+    ({"within": False, "elsewhere": True, "interval": (1.0, 2.0), "wide": True}, "elsewhere"),
+    ({"contraction": 0.19, "extrapolated": "far", "wide": True}, "unchanged"),
+    ({"wide": True, "extrapolated": "far", "interval": (1.0, 2.0)}, "wide"),
     ({"extrapolated": "far", "missing": True}, "extrapolated"),
     ({"missing": True}, "exact"),
     ({"contraction": 0.2, "interval": (1.0, 2.0)}, "determined"),

@@ -62,6 +62,7 @@ def estimates(
             rule=judgement.rule,
             reason=judgement.reason,
             given=judgement.given,
+            open_side=judgement.open_side,
         )
 
     parameters = dict[str, Estimate]()

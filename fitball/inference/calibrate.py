@@ -15,9 +15,10 @@ from fitball.base.progress import Progress
 from fitball.inference import schema
 from fitball.inference.assemble import estimates, headline, notes_of_best_outside
 from fitball.inference.effort import Effort
-from fitball.inference.fitted import Fitted, draws_of, run_of
+from fitball.inference.fitted import Fitted, draws_of, medians_of, run_of
 from fitball.inference.judgement.adequacy import adequacy
 from fitball.inference.judgement.assumptions import alternatives, what_values_rest_on
+from fitball.inference.judgement.bounds import at_bounds
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.judgement.profile import profiles
@@ -95,16 +96,17 @@ def _calibrate(
         # no verdict rests on that.
         names = {parameter.spec.name for parameter in problem.parameters}
         sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
-        within = judge(problem, point, first, profiled, derived)
-        judged = qualify(within, tested, what_values_rest_on(tried, sure, fitted))
-        squares = least_squares(problem, point)
+        bounds = at_bounds(problem, point, first, derived)
         draws = draws_of(problem, point, posterior, effort)
+        within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
+        rests = what_values_rest_on(tried, sure, fitted)
+        judged = qualify(within, tested, rests, bounds.doubts())
+        squares = least_squares(problem, point)
         parameters, following = estimates(problem, draws, judged)
         reported = [*parameters.values(), *following.values()]
         notes = [*problem.table.notices, *problem.notes]
-        if why:
-            notes.append(Note("no-profiles", why))
-        notes += notes_of_best_outside(reported)
+        notes += [Note("no-profiles", why)] if why else []
+        notes += [*bounds.notes(problem), *notes_of_best_outside(reported)]
     return Fitted(
         run=run_of(problem, effort),
         status=status,

@@ -114,6 +114,12 @@ def draws_of(
     return Draws(point, {**values, **beyond}, best)
 
 
+def medians_of(draws: Draws) -> dict[str, float]:
+    """The median of each parameter by name, in SI; none without draws."""
+    sampled = draws.values.items()
+    return {name: float(np.median(column)) for name, column in sampled if column.size}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Fitted:
     """A calibration. Its fields are stored, but for `own`, a user's own model.

@@ -17,6 +17,10 @@ Verdict: TypeAlias = Literal[
 ]
 Answer: TypeAlias = Literal["describes", "describes except", "does not describe", "undecided"]
 FitStatus: TypeAlias = Literal["converged", "not converged", "point only"]
+# Where the data leave a value open; "" where they do not, or both ways.
+Side: TypeAlias = Literal["", "below", "above"]
+# Why least squares has no standard error where a parameter moves nothing, or too little.
+UNDETERMINED = "the data alone do not determine it"
 Interval: TypeAlias = tuple[float | None, float | None]
 
 
@@ -110,8 +114,8 @@ class Profile(Struct, frozen=True):
 
 class Judgement(Struct, frozen=True):
     """The judgement of a quantity: its verdict, the code of the `rule` that decided, the reason in
-    words, the assumptions that a determined value is `given`, and its `contraction` (1 - variance
-    over prior variance, to first order).
+    words, the assumptions that a determined value is `given`, its `contraction` (1 - variance over
+    prior variance, to first order), and the side on which a one-sided value is open.
     """
 
     verdict: Verdict
@@ -119,11 +123,13 @@ class Judgement(Struct, frozen=True):
     reason: str
     given: tuple[str, ...] = ()
     contraction: float = nan
+    open_side: Side = ""
 
 
 class Estimate(Summary, frozen=True, kw_only=True):
     """A parameter or derived quantity: its `kind` (model, level, noise, camera, ball, derived),
     prior, `contraction` (1 - variance over prior variance, to first order), and its judgement.
+    Fits stored by earlier builds have no `open_side`.
     `prior_source` is the work that a published prior is from, for readers of `fit.json` or of the
     export `json`; pages name it in a note.
     """
@@ -139,6 +145,7 @@ class Estimate(Summary, frozen=True, kw_only=True):
     rule: str
     reason: str
     given: tuple[str, ...]
+    open_side: Side = ""
 
 
 class ResidualTest(Struct, frozen=True):

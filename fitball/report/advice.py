@@ -12,13 +12,10 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from fitball.base.text import listed
 from fitball.data.bundled import descriptions, path_of_source
 from fitball.inference.fitted import Fitted
 from fitball.inference.judgement.adequacy_words import REMEDIES
-from fitball.inference.problem.problem import base_of
 from fitball.inference.schema import ResidualTest
 from fitball.models.registry import candidates
 from fitball.report.frame_rows import frame_rows
@@ -31,8 +28,6 @@ _LEAST_COMPARED = 3
 _OPTION = re.compile(r" \((--pool [^()]*)\)$")
 # Sds from which a shift by an assumption matters.
 _LARGE_SHIFT = 2.0
-# How near to a bound of its prior, as a share of the bound, a best value lies on it.
-_AT_BOUND = 1e-3
 
 
 def useful_next(fit: Fitted) -> str:
@@ -65,6 +60,7 @@ def _advice(fit: Fitted) -> Iterator[str]:
     """What would help, the most helpful first, as words for a sentence."""
     tests = [test for test in fit.adequacy.tests if test.found and test.kind in REMEDIES]
     remedies = [remedy(fit, test) for test in tests]
+    yield from _of_bounds(fit)
     if fit.adequacy.answer == "does not describe":
         if any(note.code == "misread" for note in fit.notes):
             yield f"{_command(fit, 'check')}, which says how else the table may be read"
@@ -90,10 +86,6 @@ def _of_undetermined(fit: Fitted) -> Iterator[str]:
     rows = fit.summary
     undetermined = rows["verdict"].isin(("prior-dominated", "one-sided"))
     poor = rows.index[undetermined & rows["kind"].isin(("model", "level"))]
-    for name in poor:
-        bound = _stated_bound(fit, str(name))
-        if bound:
-            yield bound
     timed = any(observable.column.timed for observable in fit.problem.observables)
     if "k_y" in poor and not timed and fit.problem.contact_time is None:
         stiff = listed(name for name in poor if name in ("k_y", "k_theta"))
@@ -104,20 +96,12 @@ def _of_undetermined(fit: Fitted) -> Iterator[str]:
         yield f"impacts that determine {listed(poor)}; {plan}"
 
 
-def _stated_bound(fit: Fitted, name: str) -> str:
-    """What to do where a best value lies on a bound of a prior that was stated; empty elsewhere."""
-    stated = {**fit.run.scene.prior, **fit.run.choices.prior}
-    text = stated.get(name, stated.get(base_of(name), ""))
-    if not text:
-        return ""
-    priors = {parameter.spec.name: parameter.prior for parameter in fit.problem.prior.parameters}
-    point = fit.point.optima[0][name]
-    prior = priors[name]
-    for bound in prior.value(np.array(prior.support(prior.numbers))).tolist():
-        if abs(point - bound) <= _AT_BOUND * abs(bound):
-            best = f"its best value lies on the bound {bound:.4g} of {text}"
-            return f"another prior of {name} (`--prior`): {best}"
-    return ""
+def _of_bounds(fit: Fitted) -> Iterator[str]:
+    """What to do where a best value lies on a hard bound of its prior."""
+    for name, estimate in fit.parameters.items():
+        if estimate.rule == "at-bound":
+            best = f"its best value lies on the bound {estimate.point:.4g} of {estimate.prior}"
+            yield f"another prior of {name} (`--prior`): {best}"
 
 
 def _of_variants(fit: Fitted) -> Iterator[str]:

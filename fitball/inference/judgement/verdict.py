@@ -1,25 +1,35 @@
 """The verdict of each quantity, by one table of rules.
 
-The profile decides, the linearisation finds what is traded, adequacy and assumptions qualify. Draws
-decide nothing, so no verdict depends on the seed.
+The profile decides, the linearisation finds what is traded, adequacy and assumptions qualify. Of
+the draws only modes and medians far from a profile enter, so no verdict depends on the seed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fitball.base.numbers import fixed, percent
+from fitball.base.prior_families import Prior
 from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
 from fitball.base.values import BoolArray, FloatArray
 from fitball.inference.derived import LAWS, Quantity, anchored
 from fitball.inference.effort import PROFILED_ROWS
+from fitball.inference.judgement.bounds import CONDITIONAL_SHIFT, NO_BOUNDS, AtBounds
 from fitball.inference.judgement.first_order import FirstOrder, gradients
 from fitball.inference.problem.problem import Problem, base_of
-from fitball.inference.schema import Adequacy, Interval, Judgement, PointFit, Profile, Verdict
+from fitball.inference.schema import (
+    Adequacy,
+    Interval,
+    Judgement,
+    PointFit,
+    Profile,
+    Side,
+    Verdict,
+)
 
 # Contraction below which the data add next to nothing. Chosen by hand.
 LEAST_CONTRACTION = 0.2
@@ -31,8 +41,6 @@ LEAST_FREEDOM = 2.0
 RESTING_RATIO = 2.0
 # Share of a derived quantity's variance from which it moves with a parameter: half of it.
 SHARED_VARIANCE = 0.5
-# Sds by which a pattern moves a value that is conditional. Chosen by hand.
-CONDITIONAL_SHIFT = 1.0
 # Change of a rebound, in sds of its noise for an sd of the prior, above which a parameter acts in
 # an impact. Chosen by hand.
 LEAST_EFFECT = 1e-3
@@ -40,6 +48,11 @@ LEAST_EFFECT = 1e-3
 CONTACT_TIME = "contact_time"
 UNTESTED_MODEL = "model"
 NOISE_PRIOR = "the prior of the noise"
+# Shares of a distribution below the ends of its central 95 %.
+CENTRAL_95 = np.array([0.025, 0.975])
+# The medians of a fit without draws, and what is doubted where nothing is.
+NO_MEDIANS: Mapping[str, float] = {}
+NO_DOUBTS: Mapping[str, str] = {}
 # How values are extrapolated, in words.
 ANCHORED_WORDS = "It is the value at 10 m/s, where no vertical speed was measured."
 BEYOND_WORDS = "Nothing was measured there: the value follows from the laws of the model."
@@ -50,11 +63,14 @@ class Evidence(NamedTuple):
 
     - `contraction`: 1 - variance over prior variance, to first order;
     - `interval`: the 95 % interval of the profile, None where profiles are `missing` or the table
-      is long; `within`: whether the best value lies in it;
+      is long; `within`: whether the best value lies in it; `elsewhere`: whether it is that of
+      another peak, and excludes best value or median; `wide`: whether it is as wide as the prior;
+    - `bound`: that the best value lies on a hard bound of the prior, in words;
     - `traded`: parameters it is traded with, unless the contact time separates them;
     - `freedom`: the degrees of freedom of a noise;
     - `acting`, `extrapolated`: in how many impacts it acts, and how it is extrapolated, in words;
-    - `open`, `bounded`: parameters that leave a derived quantity undetermined, or one-sided.
+    - `open`, `bounded`: parameters that leave a derived quantity undetermined, or one-sided, and
+      the `side` on which these leave it open.
     """
 
     spec: ParameterSpec
@@ -62,18 +78,30 @@ class Evidence(NamedTuple):
     interval: Interval | None = None
     missing: bool = False
     within: bool = True
+    elsewhere: bool = False
+    wide: bool = False
+    bound: str = ""
     traded: tuple[str, ...] = ()
     freedom: float = np.inf
     acting: str = ""
     extrapolated: str = ""
     open: tuple[str, ...] = ()
     bounded: tuple[str, ...] = ()
+    side: Side = ""
 
     @property
     def sides(self) -> tuple[bool, bool]:
         """Whether the profile is open below, and above."""
         low, high = (0.0, 0.0) if self.interval is None else self.interval
         return low is None, high is None
+
+    @property
+    def open_side(self) -> Side:
+        """The one side on which it is open, by its own profile or by `bounded`; else ""."""
+        low, high = self.sides
+        if low == high:
+            return self.side
+        return "below" if low else "above"
 
     @property
     def ends(self) -> str:
@@ -136,6 +164,12 @@ RULES = (
         says=lambda seen: f"It depends on {listed(seen.open)}, which the data do not determine.",
     ),
     Rule(
+        code="at-bound",
+        verdict="prior-dominated",
+        holds=lambda seen: bool(seen.bound),
+        says=lambda seen: seen.bound,
+    ),
+    Rule(
         code="bounded",
         verdict="one-sided",
         holds=lambda seen: any(seen.sides),
@@ -147,6 +181,14 @@ RULES = (
         holds=lambda seen: bool(seen.bounded),
         says=lambda seen: (
             f"It depends on {listed(seen.bounded)}, for which the data give only a bound."
+        ),
+    ),
+    Rule(
+        code="elsewhere",
+        verdict="conditional",
+        holds=lambda seen: seen.elsewhere,
+        says=lambda seen: (
+            f"The likelihood is highest elsewhere{seen.ends}, where little of the posterior lies."
         ),
     ),
     Rule(
@@ -163,6 +205,12 @@ RULES = (
             "The data reduce the variance of its prior by "
             f"{percent(max(seen.contraction, 0.0))}.{seen.acting}"
         ),
+    ),
+    Rule(
+        code="wide",
+        verdict="prior-dominated",
+        holds=lambda seen: seen.wide,
+        says=lambda seen: f"The data alone allow as much as its prior{seen.ends}.",
     ),
     Rule(
         code="extrapolated",
@@ -194,16 +242,18 @@ def judge(
     first: FirstOrder,
     profiles: Mapping[str, Profile],
     derived: Sequence[Quantity],
+    bounds: AtBounds = NO_BOUNDS,
+    medians: Mapping[str, float] = NO_MEDIANS,
 ) -> dict[str, Judgement]:
     """The judgement of each quantity by name, if the model is right: of parameters by their
-    profiles, of derived quantities by their gradients in the linearisation.
+    profiles, of derived quantities by their gradients in the linearisation. `medians` are those of
+    draws, if there are any.
     """
     judged = {
         parameter.spec.name: Judgement("fixed", "fixed", f"Held at its value: {parameter.why}.")
         for parameter in problem.parameters
         if parameter.fixed is not None
     }
-    noises = problem.noises
     missing = not profiles and len(problem.rows.y) <= PROFILED_ROWS
     linear = _linear_of(problem, first, derived)
     far = anchored(problem.forward, problem.calibrated)
@@ -211,10 +261,10 @@ def judge(
         name = parameter.spec.name
         profile = profiles.get(name)
         interval = None if profile is None else profile.interval_95
-        value = point.optima[0][name]
+        noise = name in problem.noises
         rests = _assumptions_of(problem, linear, k)
-        prior_ends = parameter.prior.quantile(np.array([0.025, 0.975]))
-        if name not in noises and not _intervals_meet(interval, *prior_ends):
+        prior_ends = parameter.prior.quantile(CENTRAL_95)
+        if not (noise or _intervals_meet(interval, *prior_ends)):
             rests.append(f"the prior of {name}")
         anchor = name in far and LAWS[base_of(name)] in problem.free
         evidence = Evidence(
@@ -222,36 +272,87 @@ def judge(
             linear.contraction[k],
             interval,
             missing,
-            within=name in noises or _intervals_meet(interval, value, value),
+            within=noise or _holds(interval, point.optima[0][name]),
+            elsewhere=not noise and _is_elsewhere(interval, point, name, medians),
+            wide=not parameter.measured and _is_as_wide(interval, parameter.prior),
+            bound=bounds.reason(name, parameter.prior.text),
             traded=() if CONTACT_TIME in rests else first.traded.get(name, ()),
             freedom=first.freedom.get(name, np.inf),
             acting=_acting_words(first, name),
             extrapolated=ANCHORED_WORDS if anchor else "",
         )
         judged[name] = _judgement_of(evidence, rests)
-    # A value that depends on a stated constant of ball, camera or air rests on that.
-    stated = {parameter.spec.name for parameter in problem.parameters if parameter.measured}
+    # A value that depends on a stated constant of ball, camera or air rests on that; one that
+    # depends on a bound of a prior is doubted in `qualify`.
+    depended = {parameter.spec.name for parameter in problem.parameters if parameter.measured}
+    depended |= bounds.bound.keys()
     for k, quantity in enumerate(derived, start=len(problem.free)):
-        shares = zip(problem.free, linear.shares[k], strict=True)
-        moving = [name for name, share in shares if share > SHARED_VARIANCE]
-        verdicts = {name: judged[name].verdict for name in moving}
+        shares = zip(problem.free, linear.shares[k], linear.signs[k], strict=True)
+        moving = {name: sign for name, share, sign in shares if share > SHARED_VARIANCE}
+        evidence = _evidence_of_derived(quantity, moving, judged, depended)
         rests = _assumptions_of(problem, linear, k)
         for name in moving:
             rests += judged[name].given
-        evidence = Evidence(
-            quantity.spec,
-            linear.contraction[k],
-            missing=missing,
-            extrapolated=BEYOND_WORDS if quantity.extrapolated else "",
-            open=tuple(
-                name
-                for name in moving
-                if verdicts[name] == "prior-dominated" and name not in stated
-            ),
-            bounded=tuple(name for name in moving if verdicts[name] == "one-sided"),
-        )
+        evidence = evidence._replace(contraction=linear.contraction[k], missing=missing)
         judged[quantity.spec.name] = _judgement_of(evidence, rests)
     return judged
+
+
+def _evidence_of_derived(
+    quantity: Quantity,
+    moving: Mapping[str, float],
+    judged: Mapping[str, Judgement],
+    depended: Collection[str],
+) -> Evidence:
+    """What the judgements of the parameters that a derived quantity moves with, each with the sign
+    of the correlation, say of it. Of those it may depend on (`depended`) none leaves it open.
+    """
+    parents = {name: judged[name] for name in moving}
+    bounded = [name for name, parent in parents.items() if parent.verdict == "one-sided"]
+    sides = {_side_with(parents[name].open_side, moving[name]) for name in bounded}
+    undetermined = [
+        name
+        for name, parent in parents.items()
+        if parent.verdict == "prior-dominated" and name not in depended
+    ]
+    return Evidence(
+        quantity.spec,
+        np.nan,
+        elsewhere=any(parent.rule == "elsewhere" for parent in parents.values()),
+        extrapolated=BEYOND_WORDS if quantity.extrapolated else "",
+        open=tuple(undetermined),
+        bounded=tuple(bounded),
+        side=next(iter(sides)) if len(sides) == 1 else "",
+    )
+
+
+def _holds(interval: Interval | None, value: float) -> bool:
+    """Whether an interval holds a value."""
+    return _intervals_meet(interval, value, value)
+
+
+def _is_elsewhere(
+    interval: Interval | None,
+    point: PointFit,
+    name: str,
+    medians: Mapping[str, float],
+) -> bool:
+    """Whether the interval of a profile excludes the best value or the median of a parameter, and
+    is about another peak of the posterior.
+    """
+    value = point.optima[0][name]
+    if _holds(interval, value) and _holds(interval, medians.get(name, value)):
+        return False
+    return any(_holds(interval, optimum[name]) for optimum in point.optima)
+
+
+def _side_with(side: Side, sign: float) -> Side:
+    """The side on which a quantity is open with a parameter that is open on a `side`, by the sign
+    of their correlation.
+    """
+    if sign >= 0.0 or not side:
+        return side
+    return "below" if side == "above" else "above"
 
 
 def _judgement_of(evidence: Evidence, rests: Iterable[str]) -> Judgement:
@@ -265,7 +366,9 @@ def _judgement_of(evidence: Evidence, rests: Iterable[str]) -> Judgement:
         verdict = "given"
     assumptions = tuple(unique) if verdict == "given" else ()
     reason = rule.says(evidence)
-    return Judgement(verdict, rule.code, reason, assumptions, float(evidence.contraction))
+    side = evidence.open_side if verdict == "one-sided" else ""
+    contraction = float(evidence.contraction)
+    return Judgement(verdict, rule.code, reason, assumptions, contraction, side)
 
 
 def _intervals_meet(interval: Interval | None, low: float, high: float) -> bool:
@@ -274,15 +377,28 @@ def _intervals_meet(interval: Interval | None, low: float, high: float) -> bool:
     return (lower is None or lower <= high) and (upper is None or low <= upper)
 
 
+def _is_as_wide(interval: Interval | None, prior: Prior) -> bool:
+    """Whether the closed interval of a profile is as wide as that of a prior, in its coordinate:
+    then the prior says as much as the data.
+    """
+    low, high = interval or (None, None)
+    if low is None or high is None:
+        return False
+    ends = prior.coordinate(np.stack([np.array([low, high]), prior.quantile(CENTRAL_95)]))
+    of_data, of_prior = np.diff(ends, axis=1)[:, 0]
+    return bool(of_data >= of_prior)
+
+
 class _LinearQuantities(NamedTuple):
     """Free parameters and then derived quantities to first order: their `contraction`
     (quantities,), zero where nothing moves them; the squared correlation with each parameter
-    (`shares`, (quantities, coordinates)); whether the standard error rests on the contact time
-    (`timed`, (quantities,)).
+    (`shares`, (quantities, coordinates)), and its `signs`; whether the standard error rests on the
+    contact time (`timed`, (quantities,)).
     """
 
     contraction: FloatArray
     shares: FloatArray
+    signs: FloatArray
     timed: BoolArray
 
 
@@ -299,16 +415,18 @@ def _linear_of(
     before = np.sum((moves * prior.width) ** 2, axis=1)
     contraction = np.where(before > 0.0, 1.0 - variance / np.maximum(before, tiny), 0.0)
     product = np.maximum(np.outer(variance, np.sum(factor**2, axis=1)), tiny)
-    shares = np.minimum((moves @ factor @ factor.T) ** 2 / product, 1.0)
+    together = moves @ factor @ factor.T
+    shares = np.minimum(together**2 / product, 1.0)
+    signs = np.sign(together)
     if problem.contact_time is None:
-        return _LinearQuantities(contraction, shares, np.zeros(len(moves), np.bool_))
+        return _LinearQuantities(contraction, shares, signs, np.zeros(len(moves), np.bool_))
     fitted = [problem.free.index(name) for name in first.names]
     along = (moves[:, fitted] * first.sds) @ first.root
     time = first.slopes[first.residual.size] @ first.root
     # The covariance without a row (Sherman and Morrison).
     more = (along @ time) ** 2 / (1.0 - time @ time)
     timed = more > (RESTING_RATIO**2 - 1.0) * np.sum(along**2, axis=1)
-    return _LinearQuantities(contraction, shares, timed)
+    return _LinearQuantities(contraction, shares, signs, timed)
 
 
 def _assumptions_of(problem: Problem, linear: _LinearQuantities, k: int) -> list[str]:
@@ -341,10 +459,11 @@ def qualify(
     within: Mapping[str, Judgement],
     tested: Adequacy,
     rests: Mapping[str, tuple[str, ...]],
+    doubts: Mapping[str, str] = NO_DOUBTS,
 ) -> dict[str, Judgement]:
-    """The final judgements: those `within` the model, `conditional` where the model fails or a
-    pattern in the residuals moves a value by its sd, and `given` all that it rests on, with the
-    `model` where that could not be tested.
+    """The final judgements: those `within` the model, `conditional` where the model fails, a
+    pattern in the residuals moves a value by its sd, or there are other `doubts` (sentences by
+    name), and `given` all that it rests on, with the `model` where that could not be tested.
     """
     from msgspec.structs import replace
 
@@ -354,7 +473,7 @@ def qualify(
             final[name] = judgement
             continue
         moved = tested.moved.get(name, 0.0)
-        doubt = ""
+        doubt = doubts.get(name, "")
         if tested.answer == "does not describe":
             doubt = "But the model does not describe the data: this holds only if it is right."
         elif moved > CONDITIONAL_SHIFT:
