@@ -25,6 +25,8 @@ from fitball.tracks.types import TRACKED, FilmAssumptions, SpinPair, Track, unwr
 X1, VX1, VY1, LIFT_1, T1, X2, VX2, VY2, LIFT_2, T2, DRAG = range(11)
 # Indices of those of `TRACKED` that only marks show.
 SPINS = [2, 5, 8]
+# Indices of those of `TRACKED` that heights alone show: v_y1 and v_y2.
+_VERTICAL = [1, 4]
 # Each of `TRACKED` but the spins is a sum of unknowns: index there, unknown, sign.
 _MEASURED_BY = (
     (0, VX1, 1),
@@ -379,12 +381,16 @@ def measurement_of(
     impact: Impact,
 ) -> tuple[Annotated[FloatArray, "9"], Annotated[FloatArray, "9 9"]]:
     """Values of `TRACKED` of a fitted impact and their covariance, SI. Spins and turn are NaN
-    without a pair that is sure.
+    without a pair that is sure; of heights alone all are but the vertical velocities.
     """
     jacobian = np.zeros((len(TRACKED), len(_STEPS)))
     for row, column, sign in _MEASURED_BY:
         jacobian[row, column] = sign
     values = jacobian @ impact.p
+    if impact.track.vertical:
+        others = [k for k in range(len(TRACKED)) if k not in _VERTICAL]
+        values[others] = np.nan
+        return values, jacobian @ impact.covariance @ jacobian.T
     pair = impact.sure_pair
     if pair is None:
         values[SPINS] = np.nan

@@ -117,6 +117,9 @@ def why_impossible(impact: Impact, assumed: FilmAssumptions) -> str:
             f"the ball rebounds at {v_y2:.3g} m/s after {v_y1:.3g} m/s ({cor}): it was hit, or "
             "hidden"
         )
+    if impact.track.vertical:
+        # Drops are used without their time of contact.
+        return ""
     _, low, high = assumed.contact
     least = max(2.0 * low - high, COLUMNS["gap_time"].limits[0])
     if not least < time < 2.0 * high - low:
@@ -149,10 +152,11 @@ def notes_of(session: Session, name: str, scene: Scene) -> Iterator[Note]:
     """The notes on a session; its `name` is "" where there is only one."""
     of_session = f" of session {one_line(name)}" if name else ""
     many = counted(len(session.good), "impact") + of_session
-    yield from _court_notes(session, of_session)
     yield from _gravity_notes(session, of_session)
-    yield from _spin_notes(session, many, of_session, scene.camera or CameraSection())
-    yield from _gap_notes(session, many)
+    if not session.vertical:
+        yield from _court_notes(session, of_session)
+        yield from _spin_notes(session, many, of_session, scene.camera or CameraSection())
+        yield from _gap_notes(session, many)
     yield from _lasting_notes(session, of_session)
     yield from _ball_notes(session, scene)
     yield from _shutter_notes(session, scene)
@@ -297,7 +301,10 @@ def _shutter_notes(session: Session, scene: Scene) -> Iterator[Note]:
             f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which "
             "positions do not show"
         )
-        effect = "Unstated, 4 ms over a picture move v_x1 by 7 % and the restitution by 10 %"
+        changes = "the restitution by 10 %"
+        if not session.vertical:
+            changes = f"v_x1 by 7 % and {changes}"
+        effect = f"Unstated, 4 ms over a picture move {changes}"
         yield Note(
             "shutter",
             f"{words}. {effect}: state row_time [s] of a row in [camera], 0 for a global shutter.",

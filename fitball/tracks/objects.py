@@ -1,7 +1,8 @@
 """The objects of a file of positions, by its header: balls, and what else was tracked beside them.
 
 Where names of objects say which is the ball (`ball` and `racket`), it is read. Where they do not,
-`--ball` chooses it.
+`--ball` chooses it. A table of heights over time alone, by a motion sensor or a camera beside the
+ball, is of a ball that moves up and down.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ _FEWEST_ROWS = 7
 _MOT = frozenset(["frameid", "id", "x", "y", "width", "height"])
 # Names of columns of TrackMate, whose quality is no share of 1.
 _TRACKMATE = frozenset(["positionx", "positiony", "trackid", "quality"])
+# Names that the only coordinate of a ball may have, the likeliest first: ours, then others.
+_HEIGHTS = ("y", "z", "height")
+_SENSOR_HEIGHTS = ("position", "distance", "altitude", "hauteur", "höhe", "abstand", "weg")
 # Names of a ball in some languages, alone or behind the game's: `ball`, `Tennisball 2`.
 _BALL = re.compile(
     r"(?<![^\W\d_])(?:[^\W\d_]*ball|ballon|balle|balón|balon|bola|pelota|palla|pallina|boll|bold|"
@@ -60,6 +64,11 @@ class FilmedBall(NamedTuple):
     def names_itself(self) -> bool:
         """Whether the name says more than a number, so that no file's name stands before it."""
         return bool(self.name) and not _NUMBERED.fullmatch(self.name)
+
+    @property
+    def vertical(self) -> bool:
+        """Whether its heights are its only coordinate."""
+        return "x" not in self.indices and "left" not in self.indices
 
 
 def is_ball(name: str) -> bool:
@@ -100,7 +109,24 @@ def balls_of_header(cells: TableCells, naming: FilmNaming) -> list[FilmedBall]:
         return _balls_of_masses(cells, columns) or [FilmedBall("", indices)]
     if _has_box({*indices}):
         return [FilmedBall("", indices)]
-    return _points(names, naming, DIALECTS, shared)
+    return _points(names, naming, DIALECTS, shared) or _balls_of_heights(names, naming, indices)
+
+
+def _balls_of_heights(
+    names: Sequence[str],
+    naming: FilmNaming,
+    indices: Mapping[str, int],
+) -> list[FilmedBall]:
+    """The ball of a table of heights over time alone, which are its y; empty of another table."""
+    if not {"t", "frame"} & indices.keys() or "x" in indices:
+        return []
+    bare = [bare_name(naming.split(name)[0]) for name in names]
+    heights = [indices[name] for name in _HEIGHTS if name in indices]
+    heights = heights or [bare.index(name) for name in _SENSOR_HEIGHTS if name in bare]
+    if len(heights) != 1:
+        return []
+    others = {name: index for name, index in indices.items() if name not in _HEIGHTS}
+    return [FilmedBall("", {**others, "y": heights[0]})]
 
 
 def _points(

@@ -219,8 +219,9 @@ class Reader:
         for name, index in ball.indices.items():
             if POSITION_COLUMNS[name][0] != "text":
                 written[name] = values[self._key(index)]
-        x = written["x"] if "x" in written else written["left"]
         y = written["y"] if "y" in written else written["top"]
+        # Heights alone have the codes of positions, too.
+        x = written.get("x", written.get("left", y))
         lost = self._lost(ball, x, y, clips)
         columns = dict[str, FloatArray]()
         pixels = set[str]()
@@ -240,6 +241,10 @@ class Reader:
                 except ParameterError as error:
                     self.cells.fault(error.code, str(error), self._key(ball.indices[name]))
             columns[name] = column
+        if ball.vertical:
+            columns["x"] = np.zeros(y.size)
+            words = "no coordinate x: the ball is taken to move straight up and down"
+            self.cells.note("heights-alone", f"{self.name}: {words}")
         self._put_centres(columns, pixels)
         self._drop_what_is_none(ball, columns, pixels)
         return _Columns(columns, pixels)
@@ -363,7 +368,8 @@ class Reader:
             return None
         positions = np.column_stack([values["x"], values["y"]])[order]
         moved = np.any(np.diff(positions, axis=0), axis=1)
-        repeated = np.concatenate([[False], ~moved])
+        # Where it turns around a ball has one height twice.
+        repeated = np.concatenate([[False], ~moved & (not ball.vertical)])
         self._note_omitted(name, repeated, "they repeat the one before")
         clip = Clip(name, rows, values, order[~repeated])
         order = clip.order
@@ -383,7 +389,7 @@ class Reader:
         if camera.angles == "clockwise":
             angle = -angle
         number = np.round(clock.frame[order]).astype(np.int64)
-        return Track(name, number, time, x, y, angle, fold, labels, radius_px)
+        return Track(name, number, time, x, y, angle, fold, labels, radius_px, ball.vertical)
 
     def _read_columns(self, ball: FilmedBall) -> set[int]:
         """The indices of columns that are read, for a ball or as labels."""

@@ -82,6 +82,11 @@ class Session:
         """The impacts that have not failed."""
         return [impact for impact in self.impacts if not impact.failed]
 
+    @property
+    def vertical(self) -> bool:
+        """Whether heights are the only coordinate of all tracks."""
+        return all(impact.track.vertical for impact in self.impacts)
+
 
 def session_of(
     impacts: list[Impact],
@@ -173,6 +178,9 @@ def _renew_noise(session: Session) -> None:
         variance = (count * pooled[axis] + squares[:, axis]) / (count + free[:, axis])
         for impact, of_track in zip(good, variance.tolist(), strict=True):
             impact.sigma[axis] = np.sqrt(of_track)
+            if impact.track.vertical:
+                # Heights alone decide which frames are outliers.
+                impact.sigma[0] = impact.sigma[1]
     session.noise = np.sqrt(pooled)
     frames = sum(np.isfinite(impact.weight).sum() for impact in good)
     session.outliers = _share(frames - weight.sum(), frames, _FIRST_OUTLIERS)
