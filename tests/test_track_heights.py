@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 from support.films import RADIUS, flight
 
 import fitball
@@ -116,6 +117,18 @@ def test_outliers_of_heights_are_left_out():
     assert (of_flights["outlier"][is_wrong] > 0.5).mean() > 0.7
     assert (of_flights["outlier"][~is_wrong] < 0.5).mean() > 0.99
     assert of_flights["x [m]"].isna().all()
+
+
+def test_errors_of_heights_that_last_are_noticed():
+    """A sensor that smooths: neighbours have a correlation of 0.8."""
+    t, y, _ = bounced(240.0, 0.0)
+    rng = np.random.default_rng(3)
+    error = lfilter([1.0], [1.0, -0.8], 2e-3 * rng.standard_normal(t.size))
+    smoothed = fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y + error}))
+    assert "lasting-errors" in {note.code for note in smoothed.notes}
+    independent = rng.permutation(error)
+    plain = fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y + independent}))
+    assert "lasting-errors" not in {note.code for note in plain.notes}
 
 
 def test_a_page_draws_heights_over_time():

@@ -86,7 +86,9 @@ def _parabolas(impact: Impact) -> Iterator[_Parabola]:
         basis, _ = np.linalg.qr(np.vander(t, _UNKNOWNS))
         maker = np.eye(t.size) - basis @ basis.T
         residuals = maker @ impact.position[rows]
-        if (np.ptp(residuals, axis=0) > 0.0).all():
+        # A coordinate that was not measured has none.
+        residuals = residuals[:, np.ptp(residuals, axis=0) > 0.0]
+        if residuals.size:
             apart = np.abs(np.subtract.outer(t, t))
             neighbours = 0.5 * ((apart > 0.0) & (apart < _MOST_STEPS))
             yield _Parabola(residuals, maker, neighbours, apart)
