@@ -11,7 +11,7 @@ from typing import NamedTuple
 from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.header import Header
-from fitball.data.heights import heights_read, speeds_of_heights
+from fitball.data.heights import heights_read, speeds_of_heights, usual_braking
 from fitball.data.kinematics import Columns
 from fitball.data.ratios import heights_of_ratios, speeds_of_ratios
 from fitball.data.scene import Scene
@@ -40,7 +40,7 @@ def velocities_of_forms(
     """The velocities that columns (rows,) in SI say in any form. `corr` are stated correlations by
     pair, `names_cor` says whether the user names the column `cor`. Notes and faults go to `cells`.
     """
-    single, shared = single_bounces(cells, header.labels, columns)
+    single, shared = single_bounces(cells, header.labels, columns, usual_braking(scene))
     correlations = {**corr, **shared}
     their_cor = ""
     if "cor" in single and not names_cor:

@@ -63,6 +63,23 @@ def speeds_of_heights(cells: TableCells, columns: Columns, scene: Scene) -> dict
     return with_speeds
 
 
+class Flights(NamedTuple):
+    """Times of flights (rows,) [s], and by how much [s/m] they grow with a height."""
+
+    time: FloatArray
+    slope: FloatArray
+
+
+def flights_of_drops(height: FloatArray, braking: float) -> Flights:
+    """Flights (rows,) that land as fast as balls that fall from heights [m], at a braking [1/m].
+    Another drag moves both by the same share to first order: ln v falls by s h/4 dC/C.
+    """
+    landing = air.landing_speed(height, braking)
+    time = air.flight_time(air.launch_of_landing(landing, braking), braking)
+    slope = _fall_slope(height, braking) / _landing_slope(time, braking)
+    return Flights(time, slope)
+
+
 def usual_braking(scene: Scene) -> float:
     """The braking [1/m] of a scene's ball in its air, at the usual or the stated drag."""
     return scene.slow_drag().value * air.braking_per_drag(scene.ball_value(), scene.air)

@@ -17,6 +17,7 @@ from fitball.base.columns import COLUMNS, SERIES
 from fitball.base.text import listed
 from fitball.base.values import FloatArray, IntArray
 from fitball.data.cells import TableCells
+from fitball.data.heights import flights_of_drops
 from fitball.data.kinematics import Columns
 from fitball.data.labels import role_of
 
@@ -66,10 +67,16 @@ class _Series(NamedTuple):
     before: Annotated[IntArray, "rows"]
 
 
-def single_bounces(cells: TableCells, labels: Mapping[str, int], columns: Columns) -> Bounces:
+def single_bounces(
+    cells: TableCells,
+    labels: Mapping[str, int],
+    columns: Columns,
+    braking: float,
+) -> Bounces:
     """The columns with the flights before and after each bounce in place of a series; `labels` are
-    places of columns of text among the cells. A note says how many bounces of how many series have
-    both. Faults: `two-series`, `bounce-order`, `bounce-number`, `out-of-limits`.
+    places of columns of text among the cells, `braking` [1/m] is that of the ball. A note says how
+    many bounces of how many series have both. Faults: `two-series`, `bounce-order`,
+    `bounce-number`, `out-of-limits`.
     """
     present = [name for name in SERIES if name in columns]
     rest = dict(columns)
@@ -94,10 +101,13 @@ def single_bounces(cells: TableCells, labels: Mapping[str, int], columns: Column
         flights = _heights(series, values, sds, rest)
     else:
         flights, corr = _times(name, series, values, sds)
+        if "drop_height" in rest:
+            corr = _put_drops(flights, corr, series, rest, braking)
+            cells.note("series", "drop_height: the first bounce of each series falls from it")
     if name == "bounce_time":
         _check_intervals(cells, flights)
     for incident in own:
-        if incident not in flights:
+        if incident not in ("drop_height", *flights):
             words = f"{incident} is not used: {name} says how fast each bounce came"
             cells.note("not-read", words)
         rest = _without(rest, incident)
@@ -182,6 +192,28 @@ def _times(
     flights[f"{after}_sd"] = np.hypot(sds, _at(sds, following))
     both = flights[f"{before}_sd"] * flights[f"{after}_sd"]
     return flights, {"v_y1,v_y2": np.nan_to_num(-(sds**2) / both)}
+
+
+def _put_drops(
+    flights: dict[str, FloatArray],
+    corr: Columns,
+    series: _Series,
+    rest: Columns,
+    braking: float,
+) -> dict[str, FloatArray]:
+    """Put the flight that lands as fast as the drop before the first bounce of each series, and
+    return the correlations without those of its error, which no interval shares.
+    """
+    before = "flight_time_1"
+    first = (series.before == _NONE) & ~(series.number > 1.0) & np.isfinite(rest["drop_height"])
+    drops = flights_of_drops(np.abs(rest["drop_height"]), braking)
+    flights[before] = np.where(first, drops.time, flights[before])
+    not_stated = np.full(len(first), np.nan)
+    sds = flights.get(f"{before}_sd", not_stated)
+    sds = np.where(first, drops.slope * rest.get("drop_height_sd", not_stated), sds)
+    if np.isfinite(sds).any():
+        flights[f"{before}_sd"] = sds
+    return {pair: np.where(first, 0.0, shared) for pair, shared in corr.items()}
 
 
 def _at(values: FloatArray, rows: IntArray) -> FloatArray:
