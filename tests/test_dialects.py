@@ -16,7 +16,7 @@ from fitball.base.errors import FitballError, InputError, ParameterError
 from fitball.data.cells import numbers
 from fitball.data.header import Naming, read_header
 from fitball.data.lexicon import end_of, guess_of
-from fitball.data.proposals import with_proposals
+from fitball.data.proposals import note_unread, with_proposals
 from fitball.data.read import load_table
 from fitball.data.sources import read_cells
 
@@ -76,6 +76,7 @@ def read(source, columns=None, **optional):
     naming = Naming(columns or {})
     cells = read_cells(source, naming.worth)
     header = with_proposals(cells, read_header(cells, naming, **optional), naming)
+    note_unread(cells, header)
     values = numbers(cells, header.numbers)
     cells.refuse()
     table = {}
@@ -515,7 +516,9 @@ def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
     path = written(tmp_path, header + body)
     naming = Naming({})
     cells = read_cells(path, naming.worth)
-    guesses = with_proposals(cells, read_header(cells, naming), naming).guesses
+    header_read = with_proposals(cells, read_header(cells, naming), naming)
+    guesses = header_read.guesses
+    note_unread(cells, header_read)
     codes = [note.code for note in cells.notes]
     assert codes.count("not-read") == 6
     ours = written(tmp_path, OURS + body, "ours.csv")

@@ -390,6 +390,7 @@ def _guesses(titles: Sequence[_Title]) -> dict[str, str]:
         if len(free) == 1:
             cells_of.setdefault(free[0], []).append(_with_unit(cell))
     guesses = {column: texts[0] for column, texts in cells_of.items() if len(texts) == 1}
+    guesses |= _counted_from_zero(titles)
     # Errors of a column that is not there mean nothing.
     known = {*taken, *guesses}
     return {column: their for column, their in guesses.items() if _base_of(column) in known}
@@ -436,6 +437,22 @@ def _third_guesses(
         if len(guess) == 1 and guess[0] in others:
             thirds[cell] = (guess[0].replace("v_y", "v_z"),)
     return thirds
+
+
+def _counted_from_zero(titles: Sequence[_Title]) -> dict[str, str]:
+    """What columns mean whose names end in 0 and 1, and not in 2, such as `h0` and `h1`: before and
+    after the impact.
+    """
+    by_name = {bare_name(title.name): title for title in titles}
+    guesses = dict[str, str]()
+    for name, before in by_name.items():
+        base = name.removesuffix("0")
+        ends = guess_of(base)
+        after = by_name.get(f"{base}1")
+        if base == name or len(ends) != 2 or after is None or f"{base}2" in by_name:
+            continue
+        guesses |= {ends[0]: _with_unit(before.cell), ends[1]: _with_unit(after.cell)}
+    return guesses
 
 
 def _uvw_guesses(cells: Collection[str]) -> dict[str, tuple[str, ...]]:

@@ -32,7 +32,7 @@ _LEXICON = {
     },
     "end": {
         "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
-        "start approach pitch pitched i vor vorher avant drop dropped fall ein",
+        "start approach pitch pitched landing i vor vorher avant drop dropped fall ein",
         "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
         "bounced nach nachher aus après apres",
     },

@@ -15,6 +15,7 @@ from fitball.data.read import (
     TableSource,
     load_table,
     located,
+    readings_in_words,
     scene_beside,
     unique_ids,
 )
@@ -45,7 +46,8 @@ def load_data(
             `read-already`).
         FolderError: There is no such file (`not-found`).
     """
-    pairs = [_table_and_scene(source, scene, reading) for source in list_of_sources(sources)]
+    every_source = list_of_sources(sources)
+    pairs = [_table_and_scene(source, scene, reading) for source in every_source]
     if not pairs:
         raise ParameterError(
             "no table was given; expected files, data frames, or names of bundled ones",
@@ -53,14 +55,15 @@ def load_data(
         )
     first_scene = pairs[0][1]
     notes = list[Note]()
-    for table, scene_of_table in pairs:
+    for source, (table, scene_of_table) in zip(every_source, pairs, strict=True):
         if scene_of_table.ball != first_scene.ball:
             words = (
                 "the scene beside this table names another ball than that of the first; "
                 "expected one ball, or one scene for all (--scene)"
             )
             raise InputError(table.name, [Fault("scenes-differ", words)])
-        readings = [doubt.text for doubt in doubts(table, first_scene.ball_value())]
+        others = doubts(table, first_scene.ball_value())
+        readings = readings_in_words(others, source, scene_of_table, **reading)
         if readings and not as_read:
             words = (
                 "another reading of the columns fits the data much better; if the table is "

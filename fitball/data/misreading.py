@@ -1,4 +1,4 @@
-"""`doubts`: readings that explain a table far better, with remedies; repeated rows.
+"""`doubts`: readings that explain a table far better; repeated rows.
 
 Signs, units, angles from the normal, exchanged columns and pairs of these are held against the laws
 of an impulse on a round body (Walton 1993; Cross 2002). With slip u = v_x1 - R omega_1, a = I/(M
@@ -13,7 +13,7 @@ equally well.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 from math import comb, log
 from typing import TypeAlias
@@ -98,28 +98,21 @@ Misfit: TypeAlias = tuple[float, dict[str, float]]
 class Doubt:
     """Another reading of a table.
 
-    `columns` are then in SI; `flip` names columns to flip, `remedy` says what else to do if the
-    reading is meant; `kind` is what it changes, `cost` that of what it chooses row by row, `gain`
-    its gain in log likelihood.
+    `columns` are then in SI; `flip` names columns to flip, `swaps` those that are exchanged,
+    `units` has other units by column; `remedy` says what else to do if the reading is meant; `kind`
+    is what it changes, `cost` that of what it chooses row by row, `gain` its gain in log
+    likelihood.
     """
 
     words: str
     columns: Columns
     kind: str
     flip: tuple[str, ...] = ()
+    swaps: tuple[tuple[str, str], ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
     remedy: str = ""
     cost: float = 0.0
     gain: float = 0.0
-
-    @property
-    def text(self) -> str:
-        """The reading and its remedy as a sentence."""
-        todo = []
-        if self.flip:
-            todo.append(f"pass --flip {','.join(self.flip)}")
-        if self.remedy:
-            todo.append(self.remedy)
-        return f"{self.said}: if so, {listed(todo)}"
 
     @property
     def said(self) -> str:
@@ -272,10 +265,11 @@ def _pairs_of_changes(columns: Columns, units: Mapping[str, str]) -> Iterator[Do
         for second in (*_with_other_signs(first.columns), *_in_units(first.columns, units)):
             kinds = (first.kind, second.kind)
             if first.kind < second.kind and ("sign" in kinds or "zero" not in kinds):
-                remedy = "; ".join(filter(None, (first.remedy, second.remedy)))
                 words = f"{first.words} and {second.words}"
                 flip = (*first.flip, *second.flip)
-                yield Doubt(words, second.columns, "+".join(kinds), flip, remedy)
+                other_units = {**first.units, **second.units}
+                kind = "+".join(kinds)
+                yield Doubt(words, second.columns, kind, flip, units=other_units)
 
 
 def _singles_and_pairs(names: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -326,8 +320,7 @@ def _in_units(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:
                 meant[name] = columns[name] * (factor / factor_of(unit, si))
             instead = listed(dict.fromkeys(stated.values()))
             words = f"{listed(names)} in {symbol} instead of {instead}"
-            remedy = f"write {listed(f'{name} [{symbol}]' for name in names)} in the header"
-            yield Doubt(words, meant, si, remedy=remedy)
+            yield Doubt(words, meant, si, units=dict.fromkeys(names, symbol))
 
 
 def _swapped(columns: Columns) -> Iterator[Doubt]:
@@ -347,12 +340,11 @@ def _swapped(columns: Columns) -> Iterator[Doubt]:
     if "omega_2" in columns:
         swaps += combinations(ends, 1)
     swaps += [*combinations(components, 1), tuple(components)]
-    remedy = "swap these names in the header, but not the units"
     for pairs in filter(None, dict.fromkeys(swaps)):
         other_of = dict(pairs) | {second: first for first, second in pairs}
         swapped = {other_of.get(name, name): values for name, values in columns.items()}
         words = f"{listed(f'{first} and {second}' for first, second in pairs)} swapped"
-        yield Doubt(words, swapped, "name", remedy=remedy)
+        yield Doubt(words, swapped, "name", swaps=pairs)
 
 
 def _signed(columns: Columns, names: Sequence[str], ball: Ball) -> Iterator[Doubt]:

@@ -141,7 +141,7 @@ def _doubted_spins(
 ) -> dict[str, Annotated[BoolArray, "rows"]]:
     """By column of spins the cells of exactly 0 that the `gain` of spin [rad/s] contradicts."""
     after = columns.get("omega_2")
-    if after is None:
+    if after is None or not np.isfinite(gain).any():
         return {}
     before = columns.get("omega_1", np.zeros_like(gain))
     left = np.abs(after - before - gain)

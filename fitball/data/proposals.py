@@ -92,9 +92,7 @@ class _Unknown:
 
 
 def with_proposals(cells: TableCells, header: Header, naming: Naming) -> Header:
-    """The header with what its unknown columns may mean in view of the whole table; a note on each
-    unknown column of which a meaning is proposed.
-    """
+    """The header with what its unknown columns may mean in view of the whole table."""
     unknown = _unknown_columns(cells, header, naming)
     counts = [column for column in unknown if is_count(column.name, column.values)]
     others = [column for column in unknown if column not in counts]
@@ -114,14 +112,18 @@ def with_proposals(cells: TableCells, header: Header, naming: Naming) -> Header:
         elif ours and ours not in (*header.numbers, *guesses):
             guesses = {**_without(guesses, column), ours: column.cell}
     guesses = _vertical(cells, header, guesses)
-    cells_of_known = [cells.names[index] for index in header.numbers.values()]
-    for ours, their in guesses.items():
-        if their not in cells_of_known:
-            words = f'a column is not read; did you mean --columns "{ours}={their}"?'
-            cells.note("not-read", words)
     meant = {_name_of(their) for their in guesses.values()}
     named = {ours: their for ours, their in naming.columns.items() if _name_of(their) not in meant}
     return replace(header, guesses=guesses, named=named)
+
+
+def note_unread(cells: TableCells, header: Header) -> None:
+    """Note each unknown column of which a meaning is proposed."""
+    cells_of_known = [cells.names[index] for index in header.numbers.values()]
+    for ours, their in header.guesses.items():
+        if their not in cells_of_known:
+            words = f'a column is not read; did you mean --columns "{ours}={their}"?'
+            cells.note("not-read", words)
 
 
 def _without(guesses: Mapping[str, str], column: _Unknown) -> dict[str, str]:

@@ -10,13 +10,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple, TypeAlias, TypedDict
+from typing import NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
-from fitball.base.errors import ParameterError, suggestion
+from fitball.base.errors import InputError, ParameterError, suggestion
 from fitball.base.options import Names, read_texts
 from fitball.base.text import column_head, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
@@ -29,9 +30,9 @@ from fitball.data.forms import velocities_of_forms
 from fitball.data.header import LABELS, Header, Naming, read_header
 from fitball.data.kinematics import counting_columns
 from fitball.data.labels import first_spelled
-from fitball.data.misreading import better_readings, repeated_rows
+from fitball.data.misreading import Doubt, better_readings, repeated_rows
 from fitball.data.placeholders import note_unused, note_zeros, without_codes
-from fitball.data.proposals import with_proposals
+from fitball.data.proposals import note_unread, with_proposals
 from fitball.data.repeats import in_rows
 from fitball.data.scene import Scene, load_scene
 from fitball.data.signs import counted_as_ours, note_backwards
@@ -39,6 +40,7 @@ from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.spatial import in_plane
 from fitball.data.table import ImpactTable
+from fitball.data.trials import Change, FileNames, tried_readings, with_tried_guesses
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
 TableSource: TypeAlias = ImpactTable | str | Path | DataFrame | Mapping[str, object]
@@ -67,6 +69,8 @@ _OPTIONAL_COLUMNS = (
 )
 # Fewest rows that determine the noise of a rebound.
 _LEAST_ROWS = 2
+# Share of rows with faults up to which these are slips, whatever the reading.
+_MOST_SLIPS = 0.25
 
 
 class _Numbers(NamedTuple):
@@ -108,24 +112,18 @@ def load_table(
         ParameterError: An option names no column (`unknown-column`, `columns`), `columns` is no
             mapping (`pairs`), or the source is no table (`not-a-table`).
     """
-    source, name = located(source)
-    scene = scene_beside(source) if scene is None else scene
-    options = _Options(
-        str(source) if isinstance(source, Path) else name,
-        scene,
-        Naming({**scene.columns, **read_texts("columns", columns)}),
-        _names((*_names(flip), *_names(scene.measurement.get("flip", ())))),
-        _names((*_names(ignore), *_names(scene.measurement.get("ignore", ())))),
-        rebound,
-    )
-    cells = in_rows(read_cells(source, options.naming.worth, name), options.naming)
-    if rebound and isinstance(source, Path) and "corr" not in options.ignore:
-        _refuse_covariance_file(cells, source)
+    file, name = located(source)
+    options = _options_of(source, scene, rebound, columns=columns, flip=flip, ignore=ignore)
+    cells = read_cells(file, options.naming.worth, name)
+    if rebound and isinstance(file, Path) and "corr" not in options.ignore:
+        _refuse_covariance_file(cells, file)
     return _table_of(cells, name, options)
 
 
 class _Options(NamedTuple):
-    """How a source, called `source`, is read, by the arguments of `load_table` and the scene."""
+    """How a source, called `source`, is read, by the arguments of `load_table` and the scene; with
+    `proposes` what else may be meant is looked for.
+    """
 
     source: str
     scene: Scene
@@ -133,13 +131,100 @@ class _Options(NamedTuple):
     flip: tuple[str, ...]
     ignore: tuple[str, ...]
     rebound: bool
+    proposes: bool = True
 
 
-def _table_of(cells: TableCells, name: str, options: _Options) -> ImpactTable:
+def _options_of(
+    source: TableSource,
+    scene: Scene | None,
+    rebound: bool,
+    **reading: Unpack[Reading],
+) -> _Options:
+    """The options of a source, with those of its scene. Raises ParameterError."""
+    file, name = located(source)
+    scene = scene_beside(file) if scene is None else scene
+    flip = reading.get("flip", ())
+    ignore = reading.get("ignore", ())
+    return _Options(
+        str(file) if isinstance(file, Path) else name,
+        scene,
+        Naming({**scene.columns, **read_texts("columns", reading.get("columns"))}),
+        _names((*_names(flip), *_names(scene.measurement.get("flip", ())))),
+        _names((*_names(ignore), *_names(scene.measurement.get("ignore", ())))),
+        rebound,
+    )
+
+
+def readings_in_words(
+    doubts: Sequence[Doubt],
+    source: TableSource,
+    scene: Scene,
+    **reading: Unpack[Reading],
+) -> list[str]:
+    """Sentences on other readings of a source with which it can be read, with what to do; of none
+    of which that is known the best one alone. Raises what `load_table` raises.
+    """
+    if not doubts:
+        return []
+    if isinstance(source, ImpactTable):
+        return tried_readings(doubts, _names_of_table(source), lambda _: True)
+    file, name = located(source)
+    options = _options_of(source, scene, True, **reading)
+    written = read_cells(file, options.naming.worth, name)
+    cells = in_rows(_fresh(written), options.naming)
+    header = read_header(cells, options.naming)
+    names = _names_of_file(cells, header, options)
+    attempt = partial(_can_be_read, written, name, options)
+    return tried_readings(doubts, names, attempt) or [doubts[0].said]
+
+
+def _can_be_read(written: TableCells, name: str, options: _Options, change: Change) -> bool:
+    """Whether a table as written is read, changed, without a fault but of few rows."""
+    names = [change.header.get(cell, cell) for cell in written.names]
+    try:
+        naming = Naming({**options.scene.columns, **change.columns})
+        changed = options._replace(naming=naming, flip=tuple(change.flip), proposes=False)
+        _table_of(replace(_fresh(written), names=names), name, changed)
+    except InputError as error:
+        rows = {fault.row for fault in error.faults}
+        return None not in rows and len(rows) <= _MOST_SLIPS * len(written.rows)
+    except ParameterError:
+        return False
+    return True
+
+
+def _fresh(cells: TableCells) -> TableCells:
+    """Cells as they were written, without notes and faults of a reading."""
+    return replace(cells, notes=[], faults=[], theirs={})
+
+
+def _names_of_file(cells: TableCells, header: Header, options: _Options) -> FileNames:
+    """How a file calls the columns that are read."""
+    read = {ours: cells.names[index] for ours, index in header.numbers.items()}
+    return FileNames(read, options.naming, options.flip)
+
+
+def _names_of_table(table: ImpactTable) -> FileNames:
+    """What a table that was read already has for the names of its file."""
+    first = table.read[0] if table.read else {}
+    naming = Naming(_from_pairs(first.get("columns", "")))
+    cells = {ours: naming.theirs.get(ours, ours) for ours in table.values}
+    return FileNames(cells, naming, _names(first.get("flip", "")))
+
+
+def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
     """The table of this `name` in cells. Raises InputError, ParameterError (`unknown-column`)."""
-    source, scene, naming, flip, ignore, rebound = options
+    source, scene, naming, flip, ignore, rebound, proposes = options
+    attempt = partial(_can_be_read, _fresh(written), name, options)
+    cells = in_rows(written, naming)
     header = read_header(cells, naming, () if rebound else _OPTIONAL_COLUMNS)
     header = with_proposals(cells, header, naming)
+    names = _names_of_file(cells, header, options)
+    guesses = replace(header, guesses={})
+    if proposes and header.guesses:
+        guesses = with_tried_guesses(header, names, attempt)
+    header = guesses
+    note_unread(cells, header)
     if not rebound:
         present = (*header.numbers, "corr")
         flip = tuple(column for column in flip if column in present)
@@ -158,7 +243,11 @@ def _table_of(cells: TableCells, name: str, options: _Options) -> ImpactTable:
     values = _counting_values(checked)
     rows = _usable_rows(cells, values, rebound)
     if cells.faults:
-        _refuse_with_readings(cells, header, values, numbers_read.columns, scene.ball_value())
+        readings = []
+        if proposes:
+            doubts = _doubts(header, values, numbers_read.columns, scene.ball_value())
+            readings = tried_readings(doubts, names, attempt)
+        _refuse_with_readings(cells, readings)
     sds = _sds(values, checked, rows)
     units = {column: header.units[column] for column in values if column in header.units}
     table = ImpactTable(
@@ -266,25 +355,28 @@ def _counting_values(columns: _Columns) -> _Columns:
     }
 
 
-def _refuse_with_readings(
-    cells: TableCells,
+def _doubts(
     header: Header,
     values: _Columns,
     with_outliers: _Columns,
     ball: Ball,
-) -> None:
-    """Refuse a table with faults, and say which other readings explain its columns far better,
-    numbers beyond their limits included.
+) -> tuple[Doubt, ...]:
+    """Other readings that explain the columns of a table with faults far better, numbers beyond
+    their limits included.
     """
     columns = {}
     if counting_columns(values, "1") in checks.INCIDENCES:
         columns = {name: with_outliers.get(name, array) for name, array in values.items()}
-    readings = better_readings(columns, header.units, ball)
+    return better_readings(columns, header.units, ball)
+
+
+def _refuse_with_readings(cells: TableCells, readings: Sequence[str]) -> None:
+    """Refuse a table with faults, and say which other readings explain it."""
     for note in cells.notes:
         if note.code == "zeros":
             # It may be why energy is gained.
             cells.fault(note.code, note.text)
-    cells.refuse([reading.text for reading in readings])
+    cells.refuse(readings)
 
 
 def _sds(values: _Columns, columns: _Columns, rows: IntArray) -> _Columns:
