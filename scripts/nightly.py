@@ -5,6 +5,7 @@ pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, address
            requested, widths, pictures
 ports      ports compiled and run; those without a compiler are skipped
 docs       generated parts, links, words, the commands of all pages, all examples of docstrings
+foreign    values and new measurements of balls that fitball's models are not
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
 readonly   the main job by a user who can write nothing but the result
@@ -55,6 +56,7 @@ COMMANDS = {
         "-P scripts/docs.py --run",
         "-P -m pytest -q -p no:cacheprovider tests/test_examples.py",
     ],
+    "foreign": ["scripts/validation/foreign.py WORK"],
     "hostile": ["-P scripts/hostile.py", "-P scripts/hostile.py --control"],
     "studies": [
         "scripts/validation/sbc.py WORK --only grip-slip --tables 100",

@@ -1,24 +1,13 @@
 """The house: what a reader feels has limits, and what counts it counts right."""
 
 import ast
-import importlib.util
-import sys
 import textwrap
 from pathlib import Path
 
 import pytest
+from support.scripts import script
 
 ROOT = Path(__file__).resolve().parent.parent
-
-
-def script(name):
-    """A script as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    # Data classes look for their module by name.
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 size = script("size")
