@@ -40,7 +40,7 @@ from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.spatial import in_plane
 from fitball.data.table import ImpactTable
-from fitball.data.trials import Change, FileNames, tried_readings, with_tried_guesses
+from fitball.data.trials import Attempt, Change, FileNames, tried_readings, with_tried_guesses
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
 TableSource: TypeAlias = ImpactTable | str | Path | DataFrame | Mapping[str, object]
@@ -217,13 +217,7 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
     source, scene, naming, flip, ignore, rebound, proposes = options
     attempt = partial(_can_be_read, _fresh(written), name, options)
     cells = in_rows(written, naming)
-    header = read_header(cells, naming, () if rebound else _OPTIONAL_COLUMNS)
-    header = with_proposals(cells, header, naming)
-    names = _names_of_file(cells, header, options)
-    guesses = replace(header, guesses={})
-    if proposes and header.guesses:
-        guesses = with_tried_guesses(header, names, attempt)
-    header = guesses
+    header, names = _header_of(cells, options, attempt)
     note_unread(cells, header)
     if not rebound:
         present = (*header.numbers, "corr")
@@ -274,6 +268,17 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
     note_backwards(cells, checked, rows, flip)
     note_slips(cells, within_limits, header.units)
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
+
+
+def _header_of(cells: TableCells, options: _Options, attempt: Attempt) -> tuple[Header, FileNames]:
+    """The header of a table, with proposals that were tried, and how the file calls its columns."""
+    optional = () if options.rebound else _OPTIONAL_COLUMNS
+    header = read_header(cells, options.naming, optional)
+    header = with_proposals(cells, header, options.naming)
+    names = _names_of_file(cells, header, options)
+    if options.proposes and header.guesses:
+        return with_tried_guesses(header, names, attempt), names
+    return replace(header, guesses={}), names
 
 
 def _refuse_errors(cells: TableCells, header: Header, ignore: Sequence[str]) -> None:
