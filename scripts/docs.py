@@ -22,7 +22,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -203,11 +203,52 @@ def codes_of_call(call: ast.Call) -> tuple[str, list[str]]:
     return carrier, [text for text in texts[:2] if _CODE.fullmatch(text)]
 
 
+def handed_texts(node: ast.AST, places: Mapping[str, int]) -> list[str]:
+    """The text that a node hands on as a code may be: the argument at one of the `places` of calls,
+    by name of a function; what is handed back first; a key that is set.
+    """
+    values: Sequence[ast.expr] = ()
+    if isinstance(node, ast.Call):
+        place = places.get(getattr(node.func, "id", ""), len(node.args))
+        values = node.args[place : place + 1]
+    elif isinstance(node, ast.Return | ast.Yield) and isinstance(node.value, ast.Tuple):
+        values = node.value.elts[:1]
+    elif isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+        values = [node.slice]
+    constants = [value.value for value in values if isinstance(value, ast.Constant)]
+    texts = [value for value in constants if isinstance(value, str)]
+    return [text for text in texts if _CODE.fullmatch(text)]
+
+
+def passed_codes(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Carrier and code of what a module passes to carriers as a variable `code`."""
+    places = {}
+    calls_of_carriers = set[ast.AST]()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            names = [argument.arg for argument in node.args.args]
+            if "code" in names and names[0] == "self":
+                # Methods that add what they are given are carriers themselves.
+                calls_of_carriers |= {*ast.walk(node)}
+            elif "code" in names:
+                places[node.name] = names.index("code")
+    texts = {text for node in ast.walk(tree) for text in handed_texts(node, places)}
+    for node in {*ast.walk(tree)} - calls_of_carriers:
+        if isinstance(node, ast.Call):
+            carrier, _ = codes_of_call(node)
+            is_passed = any(getattr(value, "id", "") == "code" for value in node.args)
+            if is_passed and carrier in ("Fault", "Note"):
+                yield from ((carrier, text) for text in texts)
+
+
 def codes_table() -> str:
     """The table of codes of errors, faults and notes, as calls in the package have them."""
     codes_by_carrier = dict[str, set[str]]()
     for path in Path(cli.__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        tree = ast.parse(path.read_text("utf-8"))
+        for carrier, code in passed_codes(tree):
+            codes_by_carrier.setdefault(carrier, set()).add(code)
+        for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 carrier, codes = codes_of_call(node)
                 if codes:

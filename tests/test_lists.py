@@ -3,9 +3,12 @@ model or a figure.
 """
 
 import re
+import runpy
 import subprocess
 import sys
+import tomllib
 from inspect import getdoc, isfunction
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -22,6 +25,7 @@ from fitball.report import cite, fit_words, style
 from fitball.report.figures import FIGURES, Place
 from fitball.report.fit_page import report
 
+ROOT = Path(__file__).parent.parent
 TIMED = [name for name in MODELS if fitball.model(name).timed]
 
 
@@ -131,3 +135,18 @@ def test_what_the_registry_says_of_models():
         # A mass ratio is what a second mass has.
         parameters = {spec.name for spec in fitball.model(name).parameters}
         assert entry.masses == 1 + ("mass_ratio" in parameters)
+
+
+def test_the_reference_lists_all_codes():
+    """As `scripts/docs.py` writes them; and those of each mistake that tests know."""
+    page = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    docs = runpy.run_path(str(ROOT / "scripts" / "docs.py"))
+    assert docs["codes_table"]() in page
+    text = (ROOT / "tests" / "data" / "mistakes.toml").read_text(encoding="utf-8")
+    codes = set()
+    for cases in tomllib.loads(text).values():
+        for case in cases:
+            faults = case.get("faults", ()) if isinstance(case, dict) else ()
+            codes |= {fault.split()[0] for fault in faults}
+    assert len(codes) > 30
+    assert {code for code in codes if f"`{code}`" not in page} == set()

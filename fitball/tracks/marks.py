@@ -15,9 +15,11 @@ from fitball.tracks.flight import Impact
 from fitball.tracks.session import Session
 from fitball.tracks.spins import FEWEST_ANGLES, log_evidence, pairs_of
 
-# By so much the log likelihood of all angles must rise with another reading. Of 475 simulated films
-# read as they are meant it never rose, but for two whose marks were lost in one frame of five.
+# By so much the log likelihood of all angles must rise if they are turned round.
 _LEAST_GAIN = 5.0
+# By so much it must rise with another fold: a few angles are on some line of a higher one by
+# chance, with gains of up to 9 in 1,400 simulated films of one impact; right ones gain 19 and more.
+_LEAST_GAIN_FOLD = 12.0
 # By so much it must rise if angles are turned round, beside another fold.
 _LEAST_GAIN_TURNED = 3.0
 # How many times more often than stated a mark may look the same: that of a box four times.
@@ -26,8 +28,11 @@ _MULTIPLES = (1, 2, 3, 4)
 _PLAUSIBLE = 0.5
 # in this share of the impacts without sure spins, if another reading is right.
 _SHARE_PLAUSIBLE = 0.75
-# No spin of an impact is plausible below this probability of all pairs.
+# No spin of an impact is plausible below this probability of all pairs, with errors of angles that
+# are so many times larger, and such a share of outliers, since one impact hardly shows its own.
 _IMPLAUSIBLE = 0.05
+_LARGER_ERRORS = 2.0
+_MORE_OUTLIERS = 0.2
 
 
 class Reading(NamedTuple):
@@ -62,7 +67,7 @@ def doubts_of_marks(session: Session) -> MarkDoubts:
     if reading is not None:
         return MarkDoubts([], unsure, reading)
     listed_unsure = [impact for impact in unsure if impact.pairs]
-    implausible = [impact for impact in listed_unsure if _probability(impact) < _IMPLAUSIBLE]
+    implausible = [impact for impact in listed_unsure if _is_implausible(impact, session)]
     ambiguous = [impact for impact in listed_unsure if impact not in implausible]
     return MarkDoubts(ambiguous, implausible, None)
 
@@ -81,7 +86,8 @@ def _better_reading(
     and those with `unsure` spins are plausible; None where there is none.
     """
     best = None
-    least = _log_evidence(marked, Reading(False, 1), session) + _LEAST_GAIN
+    stated = _log_evidence(marked, Reading(False, 1), session)
+    least = stated + _LEAST_GAIN
     for multiple in _MULTIPLES:
         as_stated, turned = (Reading(way, multiple) for way in (False, True))
         evidence = _log_evidence(marked, as_stated, session)
@@ -90,7 +96,8 @@ def _better_reading(
         if evidence_turned > evidence + _LEAST_GAIN_TURNED:
             evidence = evidence_turned
             reading = turned
-        if evidence > least and _makes_plausible(unsure, reading, session):
+        needed = max(least, stated + _LEAST_GAIN_FOLD * (multiple > 1))
+        if evidence > needed and _makes_plausible(unsure, reading, session):
             best = reading
             least = evidence
     return best
@@ -126,6 +133,17 @@ def _read_as(impact: Impact, reading: Reading) -> Impact:
         other.phi = -impact.phi
     other.track = replace(impact.track, fold=reading.multiple * impact.track.fold)
     return other
+
+
+def _is_implausible(impact: Impact, session: Session) -> bool:
+    """Whether no spin of an impact is plausible, even if its angles have larger errors than those
+    of the session.
+    """
+    other = copy(impact)
+    noise = _LARGER_ERRORS * session.angle_noise
+    outliers = max(session.angle_outliers, _MORE_OUTLIERS)
+    other.pairs = pairs_of(other, session.assumed, noise, outliers)
+    return _probability(other) < _IMPLAUSIBLE
 
 
 def _probability(impact: Impact) -> float:
