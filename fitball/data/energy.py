@@ -124,7 +124,7 @@ def _remedy(shown: Columns, above: Annotated[BoolArray, "rows"], option: str) ->
     words = "look for swapped columns and other units, or state ball and noise in the scene"
     dropped = shown.keys() <= {"v_y1", "v_y2", "v_1", "v_2"}
     if dropped and 2 * int(above.sum()) > len(above):
-        return f"{words}; add the speed of a moving surface, as of a racket, as surface_speed"
+        return f"{words}; add the speed of a racket or plate as surface_speed"
     return words
 
 
