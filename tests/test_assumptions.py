@@ -61,6 +61,9 @@ def test_each_choice_is_changed_by_itself(two_mass):
         "inertia=table",
         "spin=shell",
         "release=zero_displacement",
+        "cor=power",
+        "cor=line",
+        "cor=root",
         "noise=student-t",
     }
     for choice, alternative in by_choice.items():

@@ -328,6 +328,9 @@ def refused(code, table, **asked):
     assert caught.value.code == code
 
 
+DROPS = "two-mass+normal=total"
+
+
 def test_what_cannot_be_compared_is_refused(table):
     refused("one-model", table, models="brody")
     refused("model-twice", table, models="two-mass,two-mass+offset=contact")
@@ -335,7 +338,7 @@ def test_what_cannot_be_compared_is_refused(table):
     refused("unknown-parameter", table, models="brody,grip-slip", fix={"eps_10": 0.0})
     refused("unknown-parameter", table, models="brody,grip-slip", prior={"mue": "normal(0.5, 0.1)"})
     refused("too-few-impacts", table.iloc[:2], models="brody,grip-slip")
-    refused("one-model", table[["v_y1", "v_y2"]])
+    refused("one-model", table[["v_y1", "v_y2"]], models="two-mass+normal=total")
 
 
 def straight(v_x1, v_y1, omega_1, ball, e="uniform(0, 1)"):
@@ -422,12 +425,30 @@ def test_columns_that_part_the_impacts_alike_are_one_way_to_leave_them_out(table
     assert sorted(np.concatenate(folds["day"])) == list(range(len(hard)))
 
 
+def drops_by_a_power(rng):
+    """Drops whose restitution is a power of their speed, from a crawl to a smash."""
+    speed = np.geomspace(2.0, 30.0, 40)
+    v_y2 = 0.76 * (speed / 10.0) ** -0.158 * speed
+    return pd.DataFrame({"v_y1": speed, "v_y2": v_y2 + 0.05 * rng.standard_normal(40)})
+
+
+def test_laws_of_restitution_are_compared_on_drops():
+    drops = drops_by_a_power(np.random.default_rng(2))
+    result = fitball.compare(drops, cores=1, progress=False)
+    models = result.frames["models"].set_index("model")
+    power = "two-mass+normal=total+cor=power"
+    assert {*models.index} == {f"{DROPS}+cor=line", power, DROPS}
+    assert models.index[0] == power
+    assert models["worse"].drop(power).all()
+    quantities = result.frames["quantities"].set_index(["model", "name"])
+    slope = quantities.loc[(power, "cor_slope")]
+    # The slope of the power at 10 m/s.
+    assert slope["q025"] < -0.158 * 0.076 < slope["q975"]
+
+
 def test_models_of_drops_are_compared_where_they_are_named():
     """By the vertical motion, which is all that the table has."""
     fit = fitball.calibrate("synthetic_drop", point_only=True)
-    with pytest.raises(fitball.FitballError) as caught:
-        fit.compare(progress=False)
-    assert caught.value.code == "one-model"
     result = fit.compare(models="two-mass+normal=total,grip-slip", cores=1, progress=False)
     models = result.frames["models"]
     # Both have the same law of restitution, and nothing else acts.

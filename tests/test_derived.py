@@ -134,7 +134,7 @@ def test_a_drop_test_is_rated_by_its_rebound():
 def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median():
     slow = np.linspace(0.8, 2.7, 8)
     problem = grip_slip(2.0 * slow, slow)
-    assert anchored(problem.forward, problem.calibrated) == {"cor_10"}
+    assert anchored(problem.forward, problem.calibrated) == {"cor_10", "cor_slope"}
     cor = derived_in(problem)["cor_median"]
     values = draws_of(problem, {**SLIDING, "cor_slope": -0.01})
     states = problem.rows.states
@@ -143,6 +143,10 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
     exact = np.interp(1.75, slow, ratio)
     assert cor.rule(values)[0] == pytest.approx(exact, rel=1e-4)
     assert not cor.extrapolated
+    slope = derived_in(problem)["cor_slope_median"]
+    line, _, _ = np.gradient(np.interp([1.5, 1.75, 2.0], slow, ratio), 0.25)
+    assert slope.rule(values)[0] == pytest.approx(line, rel=0.1)
+    assert not slope.extrapolated
     measured_there = problem_of(table_of(REBOUND), scene_of(time=True), "two-mass")
     assert anchored(measured_there.forward, measured_there.calibrated) == frozenset()
     columns = {
@@ -154,7 +158,9 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
         "omega_2": slow,
     }
     two_mass = problem_of(impact_table(columns), None, "two-mass")
-    assert anchored(two_mass.forward, two_mass.calibrated) == {"cor_10", "eps_10"}
+    anchors = {"cor_10", "cor_slope", "eps_10", "eps_slope"}
+    assert anchored(two_mass.forward, two_mass.calibrated) == anchors
+    assert evaluated(two_mass, "eps_slope_median", {**WANG, "eps_slope": 1e-4})[0] == 1e-4
     offset = evaluated(two_mass, "eps_median", {**WANG, "eps_slope": 1e-4})
     assert offset[0] == pytest.approx(0.00237668043 + (1.75 - 10.0) * 1e-4)
 
@@ -167,6 +173,7 @@ def test_each_level_has_its_quantity_and_is_judged_by_itself():
     problem = grip_slip(3.0 * v_y, v_y, labels=both)
     pooled = {level.parameter for level in problem.forward.levels}
     assert pooled == {"mu", "cor_10"}
+    # The slope is that of both, and measured where the one is.
     assert anchored(problem.forward, problem.calibrated) == {"cor_10[clay]"}
     derived = derived_in(problem)
     assert {*derived} == {

@@ -101,6 +101,9 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
         ("thesis-exact", True, "mass_ratio k_y k_theta mu eps_10 eps_slope cor_10 cor_slope"),
         ("grip-slip", True, "mu e_x offset cor_10 cor_slope"),
         ("brody", False, "cor_10 cor_slope"),
+        ("brody+cor=power", True, "mu cor_10 cor_slope"),
+        ("grip-slip+cor=root", True, "mu e_x offset cor_10"),
+        ("two-mass+normal=total+cor=root", False, "k_y cor_10"),
     ],
 )
 def test_a_composition_takes_what_acts_in_it(text, tangential, names):
@@ -123,21 +126,22 @@ def test_texts_name_what_differs_from_the_default():
     for text in ("two-mass", "two-mass+normal=total+offset=grip"):
         chosen = fitball.model(text)
         others = [fitball.model(other) for other in option_variants(chosen)]
-        assert len(others) == 7
-        assert len({other.text for other in others}) == 7
+        assert len(others) == 10
+        assert len({other.text for other in others}) == 10
         for other in others:
             different = [key for key in chosen.options if other.options[key] != chosen.options[key]]
             assert len(different) == 1
     assert option_variants(fitball.model("thesis-exact")) == ()
-    assert option_variants(fitball.model("brody")) == ()
-    assert len(option_variants(fitball.model(tangential=False))) == 3
+    laws = tuple(f"brody+cor={law}" for law in ("power", "line", "root"))
+    assert option_variants(fitball.model("brody")) == laws
+    assert len(option_variants(fitball.model(tangential=False))) == 6
 
 
 def test_a_comparison_tries_what_can_differ_there():
     every = candidates(tangential=True, spin=True)
     assert every[-1] == "two-mass"
-    # All models, and what differs from the default in one option, but normal=inner.
-    assert len(every) == len(MODEL_NAMES) + 6
+    # All models, and what differs from the default in one option, but normal=inner and cor=root.
+    assert len(every) == len(MODEL_NAMES) + 8
     assert len(set(every)) == len(every)
     assert not any("inner" in text for text in every)
     quick = candidates(tangential=True, spin=True, quick=True)

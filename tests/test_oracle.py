@@ -73,7 +73,9 @@ def test_kernels_agree_with_the_oracle(wide):
         assert answer.status == status
         numbers = [getattr(found, name)[0, 0] for name in OUTPUTS]
         if status != "OK":
-            refused.add(status)
+            # Other laws end where restitution would be none; the oracle says so too.
+            if options["cor"] == "saturating":
+                refused.add(status)
             assert np.isnan(numbers).all()
             continue
         case = (options, values, impact)

@@ -18,7 +18,14 @@ from fitball.base.values import Impacts
 from fitball.exports.ports import port
 from fitball.models.types import Status
 
-MODELS = ("two-mass", "two-mass+torsion=free", "thesis-exact", "grip-slip")
+MODELS = (
+    "two-mass",
+    "two-mass+torsion=free",
+    "two-mass+cor=power",
+    "thesis-exact",
+    "grip-slip",
+    "grip-slip+cor=line",
+)
 RADIUS = 0.03302
 # Speeds v_y1 said to be measured [m/s].
 MEASURED = (2.0, 25.0)
@@ -102,7 +109,8 @@ def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
     impacts = lines[:, -12:-9]
     good = wanted["status"] == Status.OK
     assert np.array_equal(rebounds["status"], wanted["status"])
-    assert good.sum() > 250
+    # Laws without a ceiling have no answer for the slowest balls.
+    assert good.sum() > (200 if "cor=" in text else 250)
     speed = incident_speeds(impacts)
     for name, sign, scale in (
         ("v_x2", side, speed),

@@ -13,6 +13,7 @@ from fitball import cli
 from fitball.base.errors import ModelError
 from fitball.exports import FORMATS
 from fitball.exports.ports import offered
+from fitball.exports.ports.offered import FLAGS
 from fitball.models import registry
 from fitball.models.grip_slip import GripSlip, struck
 from fitball.models.kernels.contact import OK, law_of, restitution
@@ -54,7 +55,7 @@ class Toy(KernelSolver):
 
 
 def toy(name, text, ball, tangential, _options):
-    flags = (0,) * 6
+    flags = (0,) * 7
     absent = (0.0,) * 3
     parameters = tuple(SPECS[key] for key in COLUMNS[:3])
     solver = Toy(flags, absent)
@@ -115,7 +116,7 @@ def sliding_ball(
     row: offered.Parameters, _share: float, v_x: float, v_y: float, omega: float
 ) -> Outcome:
     """Brody's ball as a port has it."""
-    status, law = law_of(row.cor_10, row.cor_slope, 1.0)
+    status, law = law_of(row.cor_10, row.cor_slope, 1.0, FLAGS)
     bad, cor, _ = restitution(law, v_y, math.nan)
     mass = row.ball_mass
     radius = row.ball_radius

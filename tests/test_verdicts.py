@@ -233,7 +233,8 @@ def test_an_anchor_that_was_not_measured_is_extrapolated():
     problem, truth = bounces(v_x, v_y, SPINS, 0.4)
     judged = verdicts_of(problem, **truth)
     assert judged["cor_10"].verdict == "extrapolated"
-    for name in ("cor_slope", "mu", "cor_median"):
+    assert judged["cor_slope"].verdict == "extrapolated"
+    for name in ("cor_slope_median", "mu", "cor_median"):
         assert judged[name].verdict == "identified", name
     fixed = problem_of(problem.table, None, "grip-slip", fix={"cor_slope": 0.0})
     start = {name: value for name, value in truth.items() if name != "cor_slope"}

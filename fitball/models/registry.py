@@ -18,7 +18,10 @@ TWO_MASS = {
     "inertia": "tied",
     "spin": "mean",
     "release": "zero_force",
+    "cor": "saturating",
 }
+# The choice of rigid balls.
+RIGID = {"cor": "saturating"}
 # The choices of Jafri's thesis (2004), whose equations are solved without its slips.
 THESIS_EXACT = {
     **TWO_MASS,
@@ -66,12 +69,16 @@ MODELS: Mapping[str, Entry] = {
     ),
     "grip-slip": Entry(
         grip_slip.compose,
+        RIGID,
+        grip_slip.CHOICES,
         equations="after Walton 1993 and Cross 2002",
         works=("walton1993", "foerster1994", "cross2002", "garwin1969"),
         spinless=True,
     ),
     "brody": Entry(
         grip_slip.compose,
+        RIGID,
+        grip_slip.CHOICES,
         equations="Brody 1984",
         works=("brody1984",),
         spinless=True,
@@ -84,7 +91,12 @@ DEFAULT_SPINLESS = "brody"
 # The model of drops, where a mass ratio is no more than an upper end of COR.
 DEFAULT_DROPS = "two-mass+normal=total"
 # Choices that act without motion along the court.
-VERTICAL_CHOICES = ("normal", "release")
+VERTICAL_CHOICES = ("normal", "release", "cor")
+# The choice of a law, which says nothing of the motion along the court.
+LAW_CHOICE = "cor"
+# What a comparison tries only where it is named: normal=inner breaks the momentum balance of the
+# ball, cor=root is of bodies that keep a dent.
+UNLIKELY = ("normal=inner", "cor=root")
 
 
 def model(
@@ -93,11 +105,13 @@ def model(
     """A model of the bounce by its name, or of a function in a file, FILE.py:NAME.
 
     Names are `two-mass` (normal momentum|total|inner, offset contact|grip, torsion matched|free,
-    inertia tied|table, spin mean|shell, release zero_force|zero_displacement), `thesis-exact`,
-    `grip-slip` and `brody`. The first option of each choice is the default.
+    inertia tied|table, spin mean|shell, release zero_force|zero_displacement, cor
+    saturating|power|line|root), `thesis-exact`, `grip-slip` (cor saturating|power|line|root) and
+    `brody` (cor saturating|power|line|root). The first option of each choice is the default.
 
-    One law of restitution holds at every speed: `COR = c (1 + (v/v_0)^q)^(-1/q)`, with value
-    `cor_10` and slope `cor_slope` at 10 m/s; c = mass_ratio with normal=momentum, else 1.
+    All but thesis-exact have a law of restitution with value `cor_10` and slope `cor_slope` at 10
+    m/s: cor=saturating is `COR = c (1 + (v/v_0)^q)^(-1/q)`, c = mass_ratio with normal=momentum,
+    else 1; `power`, `line`; `root`, v^(-1/4) of bodies that yield, without a slope to fit.
 
     Args:
         text: a name, with options as `+NAME=OPTION`, or FILE.py:NAME
@@ -204,18 +218,18 @@ def option_variants(chosen: Model) -> tuple[str, ...]:
 def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
     """Texts of the models that a comparison tries, the default model of such data last.
 
-    Data have motion along the court if `tangential`, and spins if `spin`. If `quick` the variants
-    of the default model are left out.
+    Data have motion along the court if `tangential`, else models differ in their law of
+    restitution; and spins if `spin`. If `quick` the variants of the default model are left out.
     """
     if not tangential:
-        return (DEFAULT_DROPS,)
+        laws = [f"{LAW_CHOICE}={law}" for law in two_mass.CHOICES[LAW_CHOICE][1:]]
+        return (*(f"{DEFAULT_DROPS}+{law}" for law in laws if law not in UNLIKELY), DEFAULT_DROPS)
     if not spin:
         spinless = [name for name, entry in MODELS.items() if entry.spinless]
         spinless.remove(DEFAULT_SPINLESS)
         return (*spinless, DEFAULT_SPINLESS)
     others = [name for name in MODELS if name != DEFAULT]
     if not quick:
-        # normal=inner breaks the momentum balance of the ball; who wants it in a comparison names
-        # it.
-        others += [text for text in option_variants(model(DEFAULT)) if "normal=inner" not in text]
+        variants = option_variants(model(DEFAULT))
+        others += [text for text in variants if text.partition("+")[2] not in UNLIKELY]
     return (*others, DEFAULT)

@@ -185,6 +185,8 @@ TAKEN_NAMES = (
     "degrees_of_freedom",
     "cor_median",
     "eps_median",
+    "cor_slope_median",
+    "eps_slope_median",
     "court_pace",
     "cor_254cm",
     "rebound_254cm",

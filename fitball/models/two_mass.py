@@ -42,7 +42,7 @@ def _parameters(options: Mapping[str, str], tangential: bool) -> tuple[str, ...]
         "eps_10": tangential,
         "eps_slope": tangential,
         "cor_10": True,
-        "cor_slope": True,
+        "cor_slope": options["cor"] != "root",
         "zeta_theta": tangential and options["torsion"] == "free",
         "inertia_split": tangential and options["inertia"] == "table",
     }
@@ -68,6 +68,7 @@ def compose(
         CHOICES["inertia"].index(used["inertia"]),
         CHOICES["spin"].index(used["spin"]),
         CHOICES["release"].index(used["release"]),
+        CHOICES["cor"].index(used["cor"]),
     )
     columns = TWO_MASS_COLUMNS[: -len(BALL_PARAMETERS)]
     solver = TwoMass(flags, tuple(ABSENT_VALUES.get(column, 0.0) for column in columns))

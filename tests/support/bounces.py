@@ -13,6 +13,7 @@ OPTIONS = {
     "inertia": ("tied", "table"),
     "spin": ("mean", "shell"),
     "release": ("zero_force", "zero_displacement"),
+    "cor": ("saturating", "power", "line", "root"),
 }
 THESIS_EXACT = {
     **DEFAULT,

@@ -41,6 +41,7 @@ DEFAULT = {
     "inertia": "tied",
     "spin": "mean",
     "release": "zero_force",
+    "cor": "saturating",
 }
 BALL = (0.0576, 0.03302, 0.56)
 OUTPUTS = ("v_x2", "v_y2", "omega_2", "contact_time", "gap_time", "gap_path", "gap_turn")
@@ -72,14 +73,20 @@ def fastest(decay, natural_squared, sqrt):
     return decay + sqrt(rest) if rest > 0 else sqrt(natural_squared)
 
 
-def law(cor_10, slope, cap, v, log):
-    """The one law of restitution, of this value and slope at 10 m/s; None where the rebound would
-    fall with speed.
+def law(cor_10, slope, cap, v, log, cor="saturating"):
+    """A law of restitution, of this value and slope at 10 m/s; None where the rebound would fall
+    with speed. A root has a slope of its own.
     """
+    if cor == "root":
+        return cor_10 * (10 / v) ** (1 / type(v)(4))
     e = cor_10 / cap
     w = -10 * slope / cor_10
     if w >= 1:
         return None
+    if cor == "power":
+        return cor_10 * (v / 10) ** (10 * slope / cor_10)
+    if cor == "line":
+        return cor_10 + slope * (v - 10)
     if e >= 1:
         return cor_10
     if w > 0:
@@ -233,11 +240,14 @@ class Surface(NamedTuple):
     in_slide: bool
 
 
-def restitution(p, cor, cap, v_y, kind):
-    """The coefficient of restitution: `cor`, or that of the law where it is None. NoBounce is
-    raised where no damping can give it.
+def restitution(p, cor, cap, v_y, kind, name):
+    """The coefficient of restitution: `cor`, or that of the law of this name where it is None.
+    NoBounce is raised where no damping can give it.
     """
-    e = law(p["cor_10"], p["cor_slope"], cap, v_y, kind.log) if cor is None else kind.make(cor)
+    if cor is None:
+        e = law(p["cor_10"], p.get("cor_slope", 0), cap, v_y, kind.log, name)
+    else:
+        e = kind.make(cor)
     if e is None:
         raise NoBounce("REBOUND_FALLS")
     if cap < e <= 1:
@@ -455,7 +465,7 @@ def _bounce(options, parameters, impact, ball, cor, until, kind):
     m = p.get("mass_ratio", kind.make(1))
     momentum = options["normal"] == "momentum"
     cap = m if momentum else kind.make(1)
-    e = restitution(p, cor, cap, v_y, kind)
+    e = restitution(p, cor, cap, v_y, kind, options["cor"])
     normal = normal_of(options, p, mass, m, e / cap, kind)
     joint = joint_of(options, p, body.inertia, m, normal, kind)
     eps = p["eps_10"] + p["eps_slope"] * (v_y - 10)

@@ -56,7 +56,7 @@ class Parameters(NamedTuple):
 
 
 # Values that each port has in place of these, as of SOLVED below. First the choices of its model.
-FLAGS: Flags = (0, 0, 0, 0, 0, 0)
+FLAGS: Flags = (0, 0, 0, 0, 0, 0, 0)
 # A parameter set for each surface and ball.
 LEVELS: list[Parameters] = []
 # Numbers of the golden impacts, WIDTH for each of IMPACTS.
@@ -102,6 +102,13 @@ class Rebound3(NamedTuple):
     extrapolated: bool
 
 
+def possible(cor: float) -> float:
+    """The coefficient of restitution that is nearest to the law's: a power law has more than 1 for
+    slow balls, a line less than 0 for fast ones. The status says so.
+    """
+    return min(max(cor, 0.0), 1.0)
+
+
 def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
     """The two-mass ball, its offset times `share`; where it has no answer a rigid ball of the same
     restitution, friction and offset that slides or rolls, with the status of the former.
@@ -114,6 +121,7 @@ def two_mass(row: FloatArray, share: float, v_x: float, v_y: float, omega: float
     if found.status == OK:
         return found
     _, cor, _ = restitution(ball.law, v_y, math.nan)
+    cor = possible(cor)
     a = ball.inertia / (ball.mass * ball.radius * ball.radius)
     offset = ball.eps_10 + ball.eps_slope * (v_y - ANCHOR_SPEED)
     rigid = struck(ball.mu, 0.0, offset, cor, ball.mass, ball.radius, a, v_x, v_y, omega)
@@ -124,8 +132,9 @@ def grip_slip(row: Parameters, share: float, v_x: float, v_y: float, omega: floa
     """The rigid ball, its offset times `share`; it has an answer wherever the law of restitution
     has a number.
     """
-    status, law = law_of(row.cor_10, row.cor_slope, 1.0)
+    status, law = law_of(row.cor_10, row.cor_slope, 1.0, FLAGS)
     bad, cor, _ = restitution(law, v_y, math.nan)
+    cor = possible(cor)
     mass = row.ball_mass
     radius = row.ball_radius
     a = row.inertia_ratio

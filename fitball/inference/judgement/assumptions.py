@@ -16,17 +16,18 @@ from fitball.base.values import FloatArray
 from fitball.inference.density import cell_log_density, cell_slopes, log_posterior
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
+from fitball.inference.judgement.laws import values_under
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
-from fitball.inference.problem.problem import Choices, Problem
+from fitball.inference.problem.problem import Choices, Problem, base_of
 from fitball.inference.sampling.importance import RELIABLE_K, Student, importance, pareto_smoothed
 from fitball.inference.schema import Alternative, Constant, PointFit, Summary
 from fitball.inference.search.best_fit import raise_friction
 from fitball.inference.search.objective import Objective, descend
 from fitball.inference.summary import summarise
 from fitball.models.model import Model
+from fitball.models.registry import LAW_CHOICE, option_variants
 from fitball.models.registry import model as model_of
-from fitball.models.registry import option_variants
 
 # Impacts from which a difference of scores is used: of fewer its standard error is poorly known (of
 # five to a third of itself). Chosen by hand.
@@ -38,6 +39,11 @@ WORSE_BY_ERRORS = 2.0
 WORSE_BY_SCORE = 4.0
 # Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
 SHIFT_BY_CHOICE = 2.0
+# Sds by which the median of a slope of restitution moves that rests on the law: laws differ in
+# their slopes, and an interval that is off by one sd holds 83 % instead of 95.
+SHIFT_BY_LAW = 1.0
+# Slopes of restitution.
+SLOPES = ("cor_slope", "cor_slope_median")
 # Sds by which a value moves that rests on a constant over half of its range. Where that is two sds
 # of the constant a 95 % interval then holds 92 %.
 SHIFT_BY_CONSTANT = 1.0
@@ -109,7 +115,8 @@ def alternatives(
     probes = np.vstack([base.best, _draws_about(base.problem, base.about, rng, PROBE_DRAWS)])
     density = log_posterior(base.problem, probes)
     tried = []
-    for choice, instead_of, choices, changed in _single_changes(problem):
+    changes = [*_single_changes(problem)]
+    for choice, instead_of, choices, changed in changes:
         try:
             posed = build_problem(
                 problem.table,
@@ -122,11 +129,16 @@ def alternatives(
                 changed_density = log_posterior(posed, probes)
                 if np.array_equal(changed_density, density):
                     continue
-            there = _fit_variant(posed, _search_starts(posed, point), rng)
+            name, _, option = choice.partition("=")
+            starts = _search_starts(posed, point)
+            if name == LAW_CHOICE:
+                starts = _starts_of_law(option, posed, problem, point)
+            there = _fit_variant(posed, starts, rng)
             tried.append(_compare(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
             tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
-    if not option_variants(model):
+    # A law of restitution says nothing of the motion along the court, the noise nothing of either.
+    if {choice.partition("=")[0] for choice, *_ in changes} <= {LAW_CHOICE, "noise"}:
         reason = "the model has no choices that could be changed"
         tried.append(_untried_alternative(UNTRIED_MODEL, model.text, model, reason))
     return tuple(tried), dict(here.summaries)
@@ -187,6 +199,14 @@ def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
     starts = posed.prior.coordinate(np.unique(np.concatenate(blocks), axis=0))
     gripped = raise_friction(posed, starts)[0]
     return np.unique(np.concatenate([starts, gripped]), axis=0)
+
+
+def _starts_of_law(law: str, posed: Problem, problem: Problem, point: PointFit) -> FloatArray:
+    """Coordinates (starts, coordinates) from which the variant `posed` of a fit with another law of
+    restitution is searched: the fit's best optima under that law.
+    """
+    optima = point.optima[:FOLLOWED_OPTIMA]
+    return np.stack([posed.coordinates(values_under(law, problem, values)) for values in optima])
 
 
 def _draws_about(
@@ -334,9 +354,10 @@ def what_values_rest_on(
 ) -> dict[str, tuple[str, ...]]:
     """For each quantity the choices and constants that it rests on, the strongest first.
 
-    These are choices that move its median, or an end of its 95 % interval outwards, by 2 sds,
-    unless they fit surely worse, and constants that move it by 1 sd over half of their range. Where
-    a choice could not be tried all quantities rest on the `model`.
+    These are choices that move its median, or an end of its 95 % interval outwards, by 2 sds, of a
+    slope of restitution laws that move it by 1 sd, unless they fit surely worse, and constants that
+    move it by 1 sd over half of their range. Where a choice could not be tried all quantities rest
+    on the `model`.
     """
     moves = [
         (abs(shift), name, constant.name)
@@ -350,11 +371,11 @@ def what_values_rest_on(
         for name in fit.keys() & alternative.summaries.keys():
             here = fit[name]
             there = alternative.summaries[name]
-            shift = max(
-                abs(there.median - here.median),
-                here.q025 - there.q025,
-                there.q975 - here.q975,
-            )
+            by_median = abs(there.median - here.median)
+            of_law = alternative.choice.startswith(f"{LAW_CHOICE}=")
+            if of_law and base_of(name) in SLOPES:
+                by_median *= SHIFT_BY_CHOICE / SHIFT_BY_LAW
+            shift = max(by_median, here.q025 - there.q025, there.q975 - here.q975)
             if shift > SHIFT_BY_CHOICE * here.half:
                 moves.append((shift / here.half, name, alternative.instead_of))
     rests: dict[str, dict[str, None]] = {name: {} for name in fit}

@@ -54,7 +54,7 @@ CENTRAL_95 = np.array([0.025, 0.975])
 NO_MEDIANS: Mapping[str, float] = {}
 NO_DOUBTS: Mapping[str, str] = {}
 # How values are extrapolated, in words.
-ANCHORED_WORDS = "It is the value at 10 m/s, where no vertical speed was measured."
+ANCHORED_WORDS = "It is that at 10 m/s, where no vertical speed was measured."
 BEYOND_WORDS = "Nothing was measured there: the value follows from the laws of the model."
 
 
@@ -256,7 +256,7 @@ def judge(
     }
     missing = not profiles and len(problem.rows.y) <= PROFILED_ROWS
     linear = _linear_of(problem, first, derived)
-    far = anchored(problem.forward, problem.calibrated)
+    extrapolated = _extrapolated_laws(problem)
     for k, parameter in enumerate(problem.prior.parameters):
         name = parameter.spec.name
         profile = profiles.get(name)
@@ -266,7 +266,6 @@ def judge(
         prior_ends = parameter.prior.quantile(CENTRAL_95)
         if not (noise or _intervals_meet(interval, *prior_ends)):
             rests.append(f"the prior of {name}")
-        anchor = name in far and LAWS[base_of(name)] in problem.free
         evidence = Evidence(
             parameter.spec,
             linear.contraction[k],
@@ -279,7 +278,7 @@ def judge(
             traded=() if CONTACT_TIME in rests else first.traded.get(name, ()),
             freedom=first.freedom.get(name, np.inf),
             acting=_acting_words(first, name),
-            extrapolated=ANCHORED_WORDS if anchor else "",
+            extrapolated=ANCHORED_WORDS if name in extrapolated else "",
         )
         judged[name] = _judgement_of(evidence, rests)
     # A value that depends on a stated constant of ball, camera or air rests on that; one that
@@ -353,6 +352,18 @@ def _side_with(side: Side, sign: float) -> Side:
     if sign >= 0.0 or not side:
         return side
     return "below" if side == "above" else "above"
+
+
+def _extrapolated_laws(problem: Problem) -> set[str]:
+    """The parameters, levels included, that are values or slopes at 10 m/s beyond the data. With a
+    slope that is held a value is none.
+    """
+    fitted = {base_of(name) for name in problem.free}
+    # A root has a slope of its own, which is not fitted.
+    if problem.forward.model.options.get("cor") == "root":
+        fitted.add("cor_slope")
+    far = anchored(problem.forward, problem.calibrated)
+    return {name for name in far if LAWS.get(base_of(name), base_of(name)) in fitted}
 
 
 def _judgement_of(evidence: Evidence, rests: Iterable[str]) -> Judgement:

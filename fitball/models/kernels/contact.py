@@ -18,7 +18,7 @@ from fitball.models.kernels.compiled import inlined, kernel
 from fitball.models.kernels.motion import Spring, spring_of, swing_at
 from fitball.models.types import Status
 
-Flags: TypeAlias = tuple[int, int, int, int, int, int]
+Flags: TypeAlias = tuple[int, int, int, int, int, int, int]
 
 # Speed at which the law of restitution has the value `cor_10` and the slope `cor_slope` [m/s].
 ANCHOR_SPEED = 10.0
@@ -79,8 +79,9 @@ FLAG_CHOICES = (
     ("inertia", ("table", "tied")),
     ("spin", ("shell", "mean")),
     ("release", ("zero_displacement", "zero_force")),
+    ("cor", ("saturating", "power", "line", "root")),
 )
-NORMAL, OFFSET, TORSION, INERTIA, SPIN, RELEASE = range(6)
+NORMAL, OFFSET, TORSION, INERTIA, SPIN, RELEASE, COR = range(7)
 # normal=momentum: landing stops the shell by an impulse; at release the core picks it up.
 NORMAL_MOMENTUM = 1
 # normal=total: the whole mass rides on the spring.
@@ -96,11 +97,16 @@ INERTIA_TIED = 1
 SPIN_SHELL = 0
 # release=zero_force: contact ends when the force returns to zero, else when the compression does.
 ZERO_FORCE = 1
+# cor=...: how restitution goes with the vertical speed.
+SATURATING, POWER, LINE, ROOT = range(4)
+# Exponent of bodies that yield (Johnson, Contact Mechanics 1985, ch. 11).
+YIELDING_POWER = -0.25
 
 
 class Law(NamedTuple):
-    """The law of restitution, `COR = cap e`. Where `odds` is zero COR is `cor_10` at every speed,
-    and `ln(e) = log_10`; else `ln(e) = -share ln(1 + odds exp(power x))` with `x = ln(v_y/10)`.
+    """The law of restitution, `COR = cap e`, with `x = ln(v_y/10)`. Where `odds` is not zero
+    `ln(e) = -share ln(1 + odds exp(power x))`; where `slope` is not, COR is a line through `cor_10`
+    at 10 m/s; else `ln(e) = log_10 + power x`.
     """
 
     cap: float
@@ -109,6 +115,7 @@ class Law(NamedTuple):
     odds: float
     power: float
     share: float
+    slope: float
 
 
 class Ball(NamedTuple):
@@ -166,23 +173,32 @@ class Contact(NamedTuple):
 
 
 @kernel
-def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
+def law_of(cor_10: float, cor_slope: float, cap: float, flags: Flags) -> tuple[int, Law]:
     """Status and law of restitution with the value `cor_10` and the slope `cor_slope` at 10 m/s,
-    below the limit `cap`.
+    below the limit `cap`. ROOT has a slope of its own.
 
-    With `e = COR/cap` and `w = -10 cor_slope/cor_10`: `e = (1 + (v/v_0)^q)^(-1/q)` for 0 < w < 1;
-    the odds of `e` go as a power of `v` for w < 0; `e` is constant for w = 0, or where it is 1.
+    With `e = COR/cap` and `w = -10 cor_slope/cor_10` POWER is `e_10 (v/10)^-w`. SATURATING is `(1 +
+    (v/v_0)^q)^(-1/q)` for 0 < w < 1; the odds of `e` go as a power of `v` for w < 0; `e` is
+    constant where it is 1. All are constant for w = 0.
     """
+    kind = flags[COR]
     e = cor_10 / cap
     w = -ANCHOR_SPEED * cor_slope / cor_10
     log_10 = math.log(e)
     odds = 0.0
     power = 0.0
     share = 0.0
+    slope = 0.0
     # From w = 1 on the speed after the bounce would not grow with the speed before it.
-    status = OK if w < 1.0 else REBOUND_FALLS
+    status = OK if w < 1.0 or kind == ROOT else REBOUND_FALLS
     if not e > 0.0:
         status = COR_OUT_OF_RANGE
+    elif kind == POWER:
+        power = -w
+    elif kind == LINE:
+        slope = cor_slope
+    elif kind == ROOT:
+        power = YIELDING_POWER
     elif e < 1.0 and w < 0.0:
         odds = (1.0 - e) / e
         power = w / (1.0 - e)
@@ -192,7 +208,7 @@ def law_of(cor_10: float, cor_slope: float, cap: float) -> tuple[int, Law]:
         odds = w / (1.0 - w)
         power = q
         share = 1.0 / q
-    return status, Law(cap, cor_10, log_10, odds, power, share)
+    return status, Law(cap, cor_10, log_10, odds, power, share, slope)
 
 
 @kernel
@@ -213,7 +229,7 @@ def ball_of(row: FloatArray, flags: Flags) -> tuple[int, Ball]:
         shell = inertia * (1.0 - row[INERTIA_SPLIT])
     momentum = flags[NORMAL] == NORMAL_MOMENTUM
     cap = ratio if momentum else 1.0
-    status, law = law_of(row[COR_10], row[COR_SLOPE], cap)
+    status, law = law_of(row[COR_10], row[COR_SLOPE], cap, flags)
     if not (core > 0.0 and shell > 0.0) and status == OK:
         status = NO_INERTIA
     riding = mass if flags[NORMAL] == NORMAL_TOTAL else ratio * mass
@@ -251,9 +267,15 @@ def restitution(law: Law, v_y: float, cor: float) -> tuple[int, float, float]:
         return NO_IMPACT, 0.0, 0.0
     if cor == cor:
         log_e = math.log(cor / law.cap)
-    elif law.odds == 0.0:
+    elif law.slope != 0.0:
+        cor = law.cor_10 + law.slope * (v_y - ANCHOR_SPEED)
+        log_e = math.log(max(cor, LEAST_COR) / law.cap)
+    elif law.power == 0.0:
         cor = law.cor_10
         log_e = law.log_10
+    elif law.odds == 0.0:
+        log_e = law.log_10 + law.power * math.log(v_y / ANCHOR_SPEED)
+        cor = law.cap * math.exp(log_e)
     else:
         x = law.power * math.log(v_y / ANCHOR_SPEED)
         log_sum = math.log1p(law.odds * math.exp(x)) if x < LARGE else x + math.log(law.odds)
