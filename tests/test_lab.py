@@ -307,8 +307,8 @@ def test_the_error_of_a_slope_is_one_for_all_groups():
     coefficients, (squares,), *_ = np.linalg.lstsq(design, values, rcond=None)
     slope = coefficients[-1]
     error = np.sqrt(squares / (24 - 5) / np.sum(x**2))
-    # Seen from far away the level is as sure as the slope.
-    wanted = np.hypot(20.0 * error, near.mean.std())
+    # Seen from far away the level is as sure as the slope, by Student's t of 19 degrees of freedom.
+    wanted = np.hypot(20.0 * error * np.sqrt(19 / 17), near.mean.std())
     assert far.mean.std() == pytest.approx(wanted, rel=0.04)
     assert far.point == pytest.approx(near.point - 20.0 * slope, abs=0.01)
     assert np.corrcoef(far.each)[0, 1] > 0.95

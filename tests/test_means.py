@@ -215,6 +215,26 @@ def test_repeats_of_balls_are_weighed_by_stated_errors():
     assert each.std(axis=1).max() < 1.05 * stated
 
 
+@pytest.mark.parametrize(("balls", "drops", "within"), [(2, 2, 0.25), (5, 2, 0.1), (6, 5, 0.1)])
+def test_balls_that_differ_are_no_better_known_than_their_pooled_noise(balls, drops, within):
+    """Where nothing is known of the spread of balls each is as Student's t of the pooled noise
+    says, whose degrees of freedom are few.
+    """
+    rng = np.random.default_rng(6)
+    wide = parse_prior(ParameterSpec("spread", "", 0.0, np.inf, "half-t(100, 4)", "", ""))
+    group = np.repeat(np.arange(balls), drops)
+    noise = rng.standard_normal((balls, drops))
+    values = (np.arange(balls)[:, None] * 50.0 + noise).ravel()
+    each = means(values, group, wide, rng, np.zeros(len(values))).each
+    freedom = balls * (drops - 1)
+    levels = values.reshape(balls, drops).mean(axis=1)
+    squares = np.sum((values - levels[group]) ** 2)
+    error = np.sqrt(squares / freedom / drops)
+    away = ((each - levels[:, None]) / error).ravel()
+    ends = np.quantile(away, (0.025, 0.975))
+    assert 0.5 * np.ptp(ends) == pytest.approx(t.ppf(0.975, freedom), rel=within)
+
+
 def test_balls_dropped_once_differ_by_more_than_their_errors():
     """Another ball lies about the mean by the spread of balls, without the errors of bad drops. The
     spread is known as well as by the values that show it.

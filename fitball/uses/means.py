@@ -20,12 +20,14 @@ import numpy as np
 from fitball.base.prior_families import Prior
 from fitball.base.values import FloatArray, IntArray
 from fitball.inference.effort import PREDICTION_DRAWS
-from fitball.uses.hierarchy import hierarchy, measured_group
+from fitball.uses.hierarchy import DRAWS_OF_EACH, hierarchy, measured_group
 
 # Repeats, beyond one a group, by which groups are known from noise.
 REPEATS = 2
 # Share of a value below which repeats agree to the digits that they are written with.
 NEGLIGIBLE = 1e-9
+# Values of the noise over which the means of groups with repeats are averaged.
+_NOISES = 10
 # Scatters beyond stated errors that are tried, before the best is looked for between its
 # neighbours.
 _SCATTERS = 48
@@ -103,8 +105,8 @@ def means(
 ) -> Means:
     """The mean, where `x` is zero, of values that lie on a line in x and differ between groups and
     by noise, of which `sd` is stated. With repeats groups are a hierarchy with the prior `spread`,
-    about the pooled noise of these, which is at least as stated; else Student's t holds of all
-    values.
+    about the pooled noise of these, which is at least as stated, and no better known than by its
+    degrees of freedom; else Student's t holds of all values.
     """
     measured = _Values(values, group, x, np.zeros(len(values)) if sd is None else sd)
     if not group.any():
@@ -112,21 +114,53 @@ def means(
     line = _fitted(measured)
     if line.freedom < REPEATS or line.noiseless:
         return _students_means(measured.as_one_group(), rng, several=True)
-    noise = max(line.sd, 1.0) if measured.stated else line.sd
+    noises = _noises(line)
+    if measured.stated:
+        noises = np.maximum(noises, 1.0)
+    parts = [_hierarchy_means(line, noise, spread, rng) for noise in noises.tolist()]
+    centre = np.concatenate([part.mean for part in parts])
+    return Means(
+        point=float(np.median(centre)),
+        mean=centre,
+        another=np.concatenate([part.another for part in parts]),
+        each=np.concatenate([part.each for part in parts], axis=1),
+    )
+
+
+def _noises(line: _Line) -> FloatArray:
+    """Evenly likely values of the noise of values of which the pooled sd is known: its variance is
+    that of the sample times freedom over chi-square (Gelman et al. 2013, Bayesian Data Analysis,
+    section 3.2).
+    """
+    from scipy.special import chdtri
+
+    probabilities = (np.arange(_NOISES) + 0.5) / _NOISES
+    return np.asarray(line.sd * np.sqrt(line.freedom / chdtri(line.freedom, probabilities)))
+
+
+def _hierarchy_means(
+    line: _Line,
+    noise: float,
+    spread: Prior,
+    rng: np.random.Generator,
+) -> Means:
+    """Means of groups with repeats if their `noise` is this: one of _NOISES shares of the draws."""
     errors = noise / np.sqrt(line.weight)
     groups = [
         measured_group(value, error)
         for value, error in zip(line.levels.tolist(), errors.tolist(), strict=True)
     ]
+    count = PREDICTION_DRAWS // _NOISES
     pooled = hierarchy(groups, spread, rng)
     # The error of the slope is one for all groups.
     error_of_slope = noise / np.sqrt(line.squares)
-    shift = error_of_slope * line.mean_x.mean() * rng.standard_normal(PREDICTION_DRAWS)
+    shift = error_of_slope * line.mean_x.mean() * rng.standard_normal(count)
+    of_each = DRAWS_OF_EACH // _NOISES
     return Means(
         point=float(np.median(pooled.centre)),
-        mean=pooled.centre + shift,
-        another=pooled.new + shift,
-        each=pooled.each + shift[: pooled.each.shape[1]],
+        mean=pooled.centre[:count] + shift,
+        another=pooled.new[:count] + shift,
+        each=pooled.each[:, :of_each] + shift[:of_each],
     )
 
 
