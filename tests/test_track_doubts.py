@@ -356,9 +356,13 @@ HARD_MARKS = [
     Camera(240, fold=2),
     Camera(240, fold=2, angle_outliers=0.2),
     Camera(240, angle_noise=np.radians(5.0)),
-    Camera(500, fold=4),
+    Camera(240, angle_outliers=0.2),
 ]
-ONCE_NOTED = [((132, 2), HARD_MARKS[0]), ((13, 8), HARD_MARKS[2]), ((26, 8), HARD_MARKS[2])]
+ONCE_NOTED = [
+    ((132, 2), HARD_MARKS[0]),
+    ((13, 8), HARD_MARKS[2]),
+    ((2011, 5), HARD_MARKS[3]),
+]
 
 
 def codes_of_one_impact(camera, seed):

@@ -17,8 +17,8 @@ from fitball.tracks.spins import FEWEST_ANGLES, log_evidence, pairs_of
 
 # By so much the log likelihood of all angles must rise if they are turned round.
 _LEAST_GAIN = 5.0
-# By so much it must rise with another fold: a few angles are on some line of a higher one by
-# chance, with gains of up to 9 in 1,400 simulated films of one impact; right ones gain 19 and more.
+# By so much it must rise with another fold: a few angles are on a line of a higher one by chance,
+# with gains of up to 11 in 1,700 simulated films of one impact; right ones gain 17 and more.
 _LEAST_GAIN_FOLD = 12.0
 # By so much it must rise if angles are turned round, beside another fold.
 _LEAST_GAIN_TURNED = 3.0
@@ -28,9 +28,10 @@ _MULTIPLES = (1, 2, 3, 4)
 _PLAUSIBLE = 0.5
 # in this share of the impacts without sure spins, if another reading is right.
 _SHARE_PLAUSIBLE = 0.75
-# No spin of an impact is plausible below this probability of all pairs, with errors of angles that
-# are so many times larger, and such a share of outliers, since one impact hardly shows its own.
+# No spin of an impact is plausible below this probability of all pairs.
 _IMPLAUSIBLE = 0.05
+# Doubts take errors of angles that are so many times larger than those of the session, and such a
+# share of outliers at least, since few impacts hardly show their own.
 _LARGER_ERRORS = 2.0
 _MORE_OUTLIERS = 0.2
 
@@ -111,7 +112,7 @@ def _log_evidence(impacts: Sequence[Impact], reading: Reading, session: Session)
     for impact in impacts:
         other = _read_as(impact, reading)
         angles = sum(int(use.sum()) for use in other.turning())
-        log += log_evidence(other, session.assumed, session.angle_noise, session.angle_outliers)
+        log += log_evidence(other, session.assumed, *_large_errors(session))
         log -= angles * np.log(reading.multiple)
     return float(log)
 
@@ -121,7 +122,7 @@ def _makes_plausible(impacts: Sequence[Impact], reading: Reading, session: Sessi
     plausible = 0
     for impact in impacts:
         other = _read_as(impact, reading)
-        other.pairs = pairs_of(other, session.assumed, session.angle_noise, session.angle_outliers)
+        other.pairs = pairs_of(other, session.assumed, *_large_errors(session))
         plausible += _probability(other) > _PLAUSIBLE
     return plausible >= _SHARE_PLAUSIBLE * len(impacts)
 
@@ -136,14 +137,16 @@ def _read_as(impact: Impact, reading: Reading) -> Impact:
 
 
 def _is_implausible(impact: Impact, session: Session) -> bool:
-    """Whether no spin of an impact is plausible, even if its angles have larger errors than those
-    of the session.
-    """
+    """Whether no spin of an impact is plausible as angles are read."""
     other = copy(impact)
-    noise = _LARGER_ERRORS * session.angle_noise
-    outliers = max(session.angle_outliers, _MORE_OUTLIERS)
-    other.pairs = pairs_of(other, session.assumed, noise, outliers)
+    other.pairs = pairs_of(other, session.assumed, *_large_errors(session))
     return _probability(other) < _IMPLAUSIBLE
+
+
+def _large_errors(session: Session) -> tuple[float, float]:
+    """Noise [rad] and share of outliers of the angles of a session that its impacts may have."""
+    noise = _LARGER_ERRORS * session.angle_noise
+    return noise, max(session.angle_outliers, _MORE_OUTLIERS)
 
 
 def _probability(impact: Impact) -> float:
