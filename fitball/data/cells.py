@@ -7,7 +7,7 @@ cell would take too much memory.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Annotated, Any, TypeAlias
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fitball.base.errors import Fault, InputError, Note
 from fitball.base.text import one_line
 from fitball.base.values import FloatArray, IntArray
+from fitball.data.deviations import DEVIATION_SIGNS, with_deviation
 from fitball.data.records import NUMBER, cell_text
 
 # Cells of a column, texts or numbers.
@@ -157,10 +158,8 @@ _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _GROUPED = re.compile(r"[+-]?[0-9]{1,3}(?:[.,' \u00a0\u202f][0-9]{3})+(?:[.,][0-9]+)?")
 # A minus sign, or a dash in place of one.
 _MINUS = re.compile(r"(?:^|(?<=[eE/]))[\u2212\u2013](?=[0-9.,]|$)")
-# A number with its standard deviation.
-_WITH_DEVIATION = re.compile(r"([^±]*?\S)\s*(?:±|\+/-|\+-)\s*([^±+\-\s].*)", re.DOTALL)
 # A text that is no number is read anew, as of another dialect, if it has such a sign.
-_DIALECT_SIGNS = re.compile("[,±+\u2212\u2013]")
+_DIALECT_SIGNS = re.compile(f"[,\u2212\u2013{DEVIATION_SIGNS}]")
 # Characters of a cell that a message shows.
 _SHOWN_CHARACTERS = 60
 
@@ -190,7 +189,8 @@ def numbers(
     for name, column in texts.items():
         values[name] = _floats(column)
     if any(_has_dialect(column, values[name]) for name, column in texts.items()):
-        texts = _without_dialect(cells, texts)
+        in_percent = {name for name in texts if "%" in cells.names[wanted[name]]}
+        texts = _without_dialect(cells, texts, in_percent)
         for name, column in texts.items():
             values[name] = _floats(column)
     for name, column in texts.items():
@@ -229,19 +229,29 @@ def _has_dialect(texts: Sequence[str], values: FloatArray) -> bool:
     return any(_DIALECT_SIGNS.search(texts[k]) for k in _indices_of_gaps(values))
 
 
-def _without_dialect(cells: TableCells, texts: Mapping[str, list[str]]) -> dict[str, list[str]]:
-    """The texts with decimal points and hyphens, and deviations in columns NAME_sd."""
+def _without_dialect(
+    cells: TableCells, texts: Mapping[str, list[str]], in_percent: Set[str]
+) -> dict[str, list[str]]:
+    """The texts with decimal points and hyphens, and deviations in columns NAME_sd. Those in per
+    cent of columns that are `in_percent` themselves may be two things: they stay as they are.
+    """
     plain = dict[str, list[str]]()
+    percent = dict[str, list[int]]()
     for name, column in texts.items():
         values = list[str]()
         deviations = list[str]()
-        for text in (_MINUS.sub("-", text) for text in column):
-            pair = _WITH_DEVIATION.fullmatch(text)
-            values.append(pair[1] if pair else text)
-            deviations.append(pair[2] if pair else "")
+        for k, text in enumerate(_MINUS.sub("-", text) for text in column):
+            pair = with_deviation(text)
+            if pair and pair.is_percent and name in in_percent:
+                pair = None
+            values.append(pair.value if pair else text)
+            deviations.append(pair.deviation if pair else "")
+            if pair and pair.is_percent:
+                percent.setdefault(name, []).append(k)
         plain[name] = values
         if any(deviations):
-            cells.note("plus-minus", f"numbers behind ± in {name} are standard deviations")
+            words = "numbers behind ± or in brackets"
+            cells.note("plus-minus", f"{words} in {name} are standard deviations")
             plain[f"{name}_sd"] = deviations
             if f"{name}_sd" in texts:
                 words = (
@@ -249,15 +259,25 @@ def _without_dialect(cells: TableCells, texts: Mapping[str, list[str]]) -> dict[
                     "one of them"
                 )
                 cells.fault("sd-twice", words, name)
-    every = [*chain(*plain.values())]
-    if not _has_decimal_commas(every):
-        return plain
+    _use_decimal_points(cells, plain)
+    for name, rows in percent.items():
+        numbers_of, deviations_of = _floats(plain[name]), _floats(plain[f"{name}_sd"])
+        for k in rows:
+            share = 0.01 * float(abs(numbers_of[k]) * deviations_of[k])
+            # What is no number has its fault as it is written.
+            plain[f"{name}_sd"][k] = plain[f"{name}_sd"][k] if np.isnan(share) else repr(share)
+    return plain
+
+
+def _use_decimal_points(cells: TableCells, texts: Mapping[str, list[str]]) -> None:
+    """Put points in place of the decimal commas of texts, if they have these, with a note."""
+    if not _has_decimal_commas([*chain(*texts.values())]):
+        return
     cells.note("decimal-commas", "numbers have decimal commas")
-    for column in plain.values():
+    for column in texts.values():
         for k, text in enumerate(column):
             if _COMMA.fullmatch(text):
                 column[k] = text.replace(",", ".")
-    return plain
 
 
 def _has_decimal_commas(texts: Sequence[str]) -> bool:
