@@ -2,13 +2,17 @@
 
 import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fitball
 from fitball import cli
-from fitball.report import advice
+from fitball.report import advice, fit_page
+from fitball.report.render import to_text
+
+DATA = Path(__file__).parent / "data"
 
 
 def write(path, columns):
@@ -71,7 +75,7 @@ def texts_of(fit):
     ("make", "model", "verbs"),
     [
         (drops_of_two_balls, "", {"calibrate"}),
-        (drops_that_curve, "", set()),
+        (drops_that_curve, "", {"compare"}),
         (impacts_with_friction_by_speed, "brody", {"compare"}),
     ],
 )
@@ -86,7 +90,9 @@ def test_commands_run_on_the_table(tmp_path, monkeypatch, make, model, verbs):
     assert not re.search(r"PARAMETER|COLUMN\b|TABLE\b", " ".join(texts_of(fit)))
     for words in {tuple(words) for words in commands}:
         assert words[1] == table.name
-        quick = ["--models", "brody,grip-slip"] if words[0] == "compare" else ["--point-only"]
+        quick = ["--point-only"]
+        if words[0] == "compare":
+            quick = ["--models", "brody,grip-slip"] if model else []
         assert cli.main([*words, *quick, "--figures", "none", "--out", "again"]) == 0
 
 
@@ -112,6 +118,78 @@ def test_a_table_keeps_its_reading(tmp_path, monkeypatch):
     assert words[:2] == ["compare", "t.csv"]
     assert words[words.index("--columns") + 1] == "omega_2=spin after"
     assert words[words.index("--flip") + 1] == "omega_2"
+
+
+def test_models_are_compared_before_a_parameter_is_fitted_to_each_label():
+    """A rigid ball on two surfaces: its mass ratio is none that differs."""
+    fit = fitball.calibrate(DATA / "rigid_on_two_surfaces.csv", point_only=True, cores=1)
+    assert any(test.found and test.kind == "parameter" for test in fit.adequacy.tests)
+    first, *others = commands_in(advice.useful_next(fit))
+    assert first[0] == "compare"
+    assert all("mass_ratio=surface" not in words for words in others)
+    assert "--pool mass_ratio" not in fit.adequacy.sentence
+
+
+def by_a_power():
+    """Drops whose restitution is a power of their speed."""
+    speed = np.geomspace(2.0, 30.0, 24)
+    noise = 0.02 * np.random.default_rng(2).standard_normal(24)
+    return {"v_y1": speed, "v_y2": 0.76 * (speed / 10.0) ** -0.158 * speed + noise}
+
+
+def with_outliers():
+    """A restitution with noise, of which each eighth is ten times as large."""
+    rng = np.random.default_rng(6)
+    speed = np.tile([4.0, 5.0, 6.0, 7.0], 6)
+    noise = 0.02 * rng.standard_normal(24)
+    noise[::8] += [0.3, -0.3, 0.3]
+    return {"v_y1": speed, "v_y2": 0.75 * speed + noise}
+
+
+@pytest.mark.parametrize(
+    ("make", "choice", "option"),
+    [
+        (by_a_power, "cor=power", ["--model", "two-mass+normal=total+cor=power"]),
+        (with_outliers, "noise=student-t", ["--noise", "student-t"]),
+    ],
+)
+def test_a_variant_that_predicts_better_is_named_with_its_command(
+    tmp_path, monkeypatch, make, choice, option
+):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "drops.csv", make())
+    fit = fitball.calibrate("drops.csv", point_only=True, cores=1)
+    for variant in fit.alternatives:
+        least = max(2.0 * variant.error, 4.0)
+        assert variant.better == (variant.score is not None and variant.score > least)
+    assert choice in {variant.choice for variant in fit.alternatives if variant.better}
+    sentence = advice.better_variants(fit)
+    (words,) = commands_in(sentence)
+    assert words == ["calibrate", "drops.csv", *option]
+    # On the first screen.
+    screen = to_text(fit_page.report(fit), full=False)
+    assert shlex.join(words) in " ".join(screen.split())
+    marks = fit.variants.loc[fit.variants["choice"] == choice, "better"]
+    assert marks.all()
+    assert cli.main([*words, "--point-only", "--figures", "none", "--out", "again"]) == 0
+    better = [
+        variant.choice for variant in fitball.load_fit("again").alternatives if variant.better
+    ]
+    assert not {"cor=saturating", "noise=normal"} & {*better}
+
+
+def test_nothing_is_better_than_the_truth(tmp_path):
+    """Drops of our own law."""
+    model = fitball.model("two-mass+normal=total", tangential=False)
+    parameters = {"k_y": 2e4, "cor_10": 0.76, "cor_slope": -0.013}
+    speed = np.linspace(3.0, 16.0, 24)
+    impacts = fitball.impacts(np.zeros(24), speed)
+    rebound = model.rebound(parameters, impacts)
+    noise = 0.05 * np.random.default_rng(8).standard_normal(24)
+    table = write(tmp_path / "own.csv", {"v_y1": speed, "v_y2": rebound.v_y2 + noise})
+    fit = fitball.calibrate(table, point_only=True, cores=1)
+    assert not any(variant.better for variant in fit.alternatives)
+    assert advice.better_variants(fit) == ""
 
 
 def test_a_prior_that_excludes_the_data_is_at_fault():

@@ -210,7 +210,7 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     assert "2 independent ensembles of 8 walkers and 25 steps" in text
     of_point = fit_words.methods(point)
     assert "ensemble" not in of_point
-    assert "assumptions" not in of_point
+    assert "assumptions: cor=saturating." in of_point
     other_model = fit_by_hand(model="two-mass+normal=total", sampled=False)
     assert "assumptions: normal=total" in fit_words.methods(other_model)
 

@@ -131,6 +131,7 @@ def test_what_another_choice_moves_is_in_sds_of_the_fit():
             "score": None,
             "error": None,
             "as_good": True,
+            "better": False,
         }
         assert {*fields} <= {*Alternative.__struct_fields__}
         return SimpleNamespace(**fields)
@@ -198,6 +199,7 @@ def test_a_value_moves_by_the_farthest_of_several_choices():
             error=None,
             reason="",
             as_good=as_good,
+            better=False,
             summaries={"mu": Summary(median, median, 0.02, 0.46, 0.5, 0.5, end)},
         )
         alternatives.append(alternative)

@@ -32,6 +32,7 @@ _VARIANT_COLUMNS = [
     "score",
     "error",
     "as_good",
+    "better",
     "reason",
     "quantity",
     "median",
@@ -227,6 +228,7 @@ def _rows_of_choice(
         "score": np.nan if choice.score is None else choice.score,
         "error": np.nan if choice.score is None else choice.error,
         "as_good": choice.as_good,
+        "better": choice.better,
         "reason": choice.reason,
     }
     if choice.reason:
@@ -269,6 +271,7 @@ def _rows_of_constant(
             "score": np.nan,
             "error": np.nan,
             "as_good": True,
+            "better": False,
             "reason": "",
             "quantity": name,
             "median": np.nan,

@@ -193,8 +193,8 @@ class Adequacy(Struct, frozen=True):
 class Alternative(Struct, frozen=True):
     """The fit with a `choice` (offset=grip, noise=student-t) `instead_of` another: `model` and
     `values` predict by it. `score` is its leave-one-out score less the fit's (None below 6
-    impacts), with standard `error`; `as_good` means not surely worse. Where the choice could not be
-    tried, the `reason` says why.
+    impacts), with standard `error`; `as_good` means not surely worse, `better` surely better. Where
+    the choice could not be tried, the `reason` says why.
     """
 
     choice: str
@@ -206,6 +206,7 @@ class Alternative(Struct, frozen=True):
     error: float
     as_good: bool
     reason: str = ""
+    better: bool = False
 
 
 class Constant(Struct, frozen=True):

@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+from fitball.base.numbers import fixed, signed
 from fitball.base.text import listed
 from fitball.data.bundled import descriptions, path_of_source
 from fitball.inference.fitted import Fitted
@@ -38,21 +39,44 @@ def useful_next(fit: Fitted) -> str:
     return f"Most useful next: {advice}." if advice else ""
 
 
+def better_variants(fit: Fitted) -> str:
+    """A sentence on the variant that predicts left-out impacts surely better than the fit, with the
+    command; empty without any.
+    """
+    variants = [variant for variant in fit.alternatives if variant.better]
+    variants.sort(key=lambda variant: variant.score or 0.0, reverse=True)
+    if not variants:
+        return ""
+    best, *others = variants
+    option = f"--model {best.model}"
+    if best.choice.startswith("noise="):
+        option = f"--noise {best.choice.partition('=')[2]}"
+    score = f"{signed(best.score or 0.0)} ± {fixed(best.error, 1)}"
+    more = f"; better too: {listed(other.choice for other in others)}" if others else ""
+    command = _command(fit, "calibrate", option)
+    return f"Better than this fit is {best.choice} (score {score}): {command}{more}."
+
+
 def remedy(fit: Fitted, test: ResidualTest) -> str:
-    """What to do about a pattern that was found, with commands for this table."""
+    """What to do about a pattern that was found, with commands for this table: another model first,
+    then a parameter for each label where labels may differ in it.
+    """
+    compared = _compare(fit, test.kind)
     pooled = _OPTION.search(test.pattern)
     if pooled is not None:
-        return _or(_compare(fit), _command(fit, "calibrate", pooled[1]))
+        return _or(compared, _command(fit, "calibrate", pooled[1]))
     if test.kind == "group":
-        return _or(_compare(fit), _pool_of_group(fit, test))
+        return _or(compared, _pool_of_group(fit, test))
     if test.kind == "outlier":
         check = "check these rows"
         if fit.run.choices.noise or fit.run.scene.measurement.get("noise"):
             return check
         again = _command(fit, "calibrate", "--noise student-t")
         return f"{check}; {again} gives outliers less weight"
+    if test.kind == "parameter":
+        return compared or REMEDIES["trend"]
     if test.kind in _OF_MODELS:
-        return _or(_compare(fit), REMEDIES[test.kind])
+        return _or(compared, REMEDIES[test.kind])
     return REMEDIES.get(test.kind, "")
 
 
@@ -61,11 +85,17 @@ def _advice(fit: Fitted) -> Iterator[str]:
     tests = [test for test in fit.adequacy.tests if test.found and test.kind in REMEDIES]
     remedies = [remedy(fit, test) for test in tests]
     yield from _of_bounds(fit)
-    if fit.adequacy.answer == "does not describe":
-        if any(note.code == "misread" for note in fit.notes):
-            yield f"{_command(fit, 'check')}, which says how else the table may be read"
-        pooling = next((words for words in remedies if "--pool " in words), "")
-        yield pooling or _compare(fit) or _of_drops(fit)
+    fails = fit.adequacy.answer == "does not describe"
+    if fails and any(note.code == "misread" for note in fit.notes):
+        yield f"{_command(fit, 'check')}, which says how else the table may be read"
+    of_models = [
+        words for test, words in zip(tests, remedies, strict=True) if test.kind in _OF_MODELS
+    ]
+    if of_models:
+        # Where labels differ that is told beside the comparison.
+        yield next((words for words in of_models if "--pool " in words), of_models[0])
+    if fails:
+        yield _compare(fit, "trend") or _of_drops(fit)
     yield from remedies
     yield from _of_undetermined(fit)
     yield from _of_variants(fit)
@@ -115,13 +145,15 @@ def _of_variants(fit: Fitted) -> Iterator[str]:
         yield f"data that decide between `{farthest.text('instead_of')}` and `{choice}`"
 
 
-def _compare(fit: Fitted) -> str:
-    """The command that compares models on this table; empty where it has too few impacts, or
-    models cannot differ.
+def _compare(fit: Fitted, kind: str) -> str:
+    """The command that compares models on this table, for a pattern of a `kind`; empty where it has
+    too few impacts, or models cannot differ in such a pattern: those of drops differ in the law of
+    restitution, which is no difference between labels.
     """
     table = fit.run.table
     models = candidates(tangential=table.has_tangential, spin=table.has_spin)
-    if len(table) < _LEAST_COMPARED or len(models) < 2:
+    of_labels = kind in ("group", "parameter") and not table.has_tangential
+    if len(table) < _LEAST_COMPARED or len(models) < 2 or of_labels:
         return ""
     return _command(fit, "compare")
 

@@ -33,6 +33,7 @@ from fitball.inference.judgement.residuals import (
     tested_pattern,
 )
 from fitball.inference.problem.camera import CAMERA_SPECS, WITHOUT_ERROR
+from fitball.inference.problem.levels import MAY_DIFFER
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import Adequacy, Answer, NoiseCheck, PointFit, ResidualTest
 
@@ -225,7 +226,9 @@ def _parameter_tests(
         for label, level, inside in groups:
             if label != "regime":
                 direction = slope * inside[first.rows]
-                text = f"{parameter} differs for {label} {level} (--pool {parameter}={label})"
+                text = f"{parameter} differs for {label} {level}"
+                if parameter in MAY_DIFFER:
+                    text = f"{text} (--pool {parameter}={label})"
                 yield from tested_pattern(fit, "parameter", "", text, direction, tested)
 
 

@@ -32,10 +32,9 @@ from fitball.models.registry import model as model_of
 # Impacts from which a difference of scores is used: of fewer its standard error is poorly known (of
 # five to a third of itself). Chosen by hand.
 LEAST_SCORED_IMPACTS = 6
-# Standard errors by which a score is lower that is surely worse.
+# Standard errors by which a score is lower that is surely worse, or higher that is surely better.
 WORSE_BY_ERRORS = 2.0
-# Amount by which a score is lower that is surely worse: on few observations the standard error is
-# too small (Sivula et al. 2020).
+# Amount by which it is: on few observations the standard error is too small (Sivula et al. 2020).
 WORSE_BY_SCORE = 4.0
 # Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
 SHIFT_BY_CHOICE = 2.0
@@ -319,7 +318,9 @@ def _compare(
     if count >= LEAST_SCORED_IMPACTS:
         score = float(gaps.sum())
         error = float(np.sqrt(count) * np.std(gaps, ddof=1))
-    worse = score is not None and -score > max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
+    sure = max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
+    worse = score is not None and score < -sure
+    better = score is not None and score > sure
     values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
     alike = posed.forward.noise.name == base.problem.forward.noise.name
     return Alternative(
@@ -331,6 +332,7 @@ def _compare(
         score,
         error,
         not worse,
+        better=better,
     )
 
 
