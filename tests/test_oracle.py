@@ -46,7 +46,7 @@ def kernel(options, values, impact):
     names = [spec.name for spec in model.parameters]
     row = [values[name] for name in names]
     states = Impacts(*(np.array([number]) for number in impact))
-    return model.evaluate(names, np.array([row]), states)
+    return model.solve(model.ball, names, np.array([row]), states, None)
 
 
 def names_its_regime(answer, regime):

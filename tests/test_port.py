@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from support import answers, bounces, ports
 from support.ports import LANGUAGES, OUTPUTS
+from support.travel import acting
 
 import fitball
 from fitball.base.values import Impacts
@@ -71,16 +72,13 @@ def incident_speeds(impacts):
 
 @functools.cache
 def bounced(text):
-    """Lines for a port, the mirror of each, and what the kernel answers to impacts that fly
-    forwards.
-    """
+    """Lines for a port, the side to which each ball flies, and what the model answers."""
     model = fitball.model(text)
     names, values, impacts = drawn(text)
     count = len(impacts)
+    states = Impacts(*impacts.T[:, :, None])
+    rebounds = model.evaluate(tuple(names), values, states)
     side = np.where(impacts[:, 0] < 0.0, -1.0, 1.0)
-    forwards = impacts * np.stack([side, np.ones(count), side], axis=1)
-    states = Impacts(*forwards.T[:, :, None])
-    rebounds = model.solve(model.ball, tuple(names), values, states, None)
     rng = np.random.default_rng(6)
     velocities = rng.uniform(-20.0, 20.0, (count, 3))
     spins = rng.uniform(-300.0, 300.0, (count, 3))
@@ -102,7 +100,7 @@ def bounced(text):
     ],
 )
 def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
-    lines, side, wanted = bounced(text)
+    lines, _, wanted = bounced(text)
     columns = ports.run(tmp_path, language, [ports.typical(text)], lines)
     rebounds = dict(zip(OUTPUTS, columns.T, strict=False))
     spatial = columns[:, 10:]
@@ -112,17 +110,20 @@ def test_every_bounce_is_that_of_the_kernel(tmp_path, language, text):
     # Laws without a ceiling have no answer for the slowest balls.
     assert good.sum() > (200 if "cor=" in text else 250)
     speed = incident_speeds(impacts)
-    for name, sign, scale in (
-        ("v_x2", side, speed),
-        ("v_y2", 1.0, speed),
-        ("omega_2", side, speed / RADIUS),
-        ("contact_time", 1.0, wanted["contact_time"]),
-        ("gap_time", 1.0, wanted["gap_time"]),
-        ("gap_path", side, speed * wanted["gap_time"]),
-        ("gap_turn", side, speed * wanted["gap_time"] / RADIUS),
+    # Some are nearly straight down.
+    steep = np.abs(impacts[:, 0]) < 0.034 * impacts[:, 1]
+    assert steep.sum() > 5
+    for name, scale in (
+        ("v_x2", speed),
+        ("v_y2", speed),
+        ("omega_2", speed / RADIUS),
+        ("contact_time", wanted["contact_time"]),
+        ("gap_time", wanted["gap_time"]),
+        ("gap_path", speed * wanted["gap_time"]),
+        ("gap_turn", speed * wanted["gap_time"] / RADIUS),
     ):
         if not np.isnan(wanted[name]).all():
-            error = np.abs(rebounds[name] - sign * wanted[name])
+            error = np.abs(rebounds[name] - wanted[name])
             assert np.all(error[good] <= 1e-12 * scale[good]), name
         missing = np.isnan(rebounds[name])
         assert np.array_equal(missing[good], np.isnan(wanted[name])[good])
@@ -160,6 +161,7 @@ def test_where_the_model_has_no_answer_a_rigid_ball_slides_or_rolls():
     joined = np.concatenate([unsolved, np.ones((count, 1))], axis=1)
     law = free.evaluate([*names, "zeta_theta"], joined, Impacts(v_x1, v_y1, omega_1))
     eps = parameters["eps_10"] + parameters["eps_slope"] * (v_y1 - 10.0)
+    eps = eps * acting(v_x1, v_y1)
     mass = 0.0576
     radius = RADIUS
     a = 0.56
@@ -277,19 +279,13 @@ def test_golden_table_has_the_rebounds_of_the_model():
     sets = two_courts()
     rows = list(csv.DictReader(port(sets, "golden").splitlines()))
     assert {row["level"] for row in rows} == {"clay", "hard court"}
-    assert len(rows) == 36
-    turning = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
-    for number, row in enumerate(rows):
-        # Every second row is the mirror of an impact.
-        side = -1.0 if number % 2 else 1.0
-        forwards = {}
-        for name in (*answers.IMPACT, *OUTPUTS[:7]):
-            sign = side if name in turning else 1.0
-            forwards[name] = sign * float(row[name])
-        assert forwards["v_x1"] > 0.0
-        impact = [forwards[name] for name in answers.IMPACT]
+    assert len(rows) == 48
+    # Every second ball flies to the left.
+    assert [float(row["v_x1"]) < 0.0 for row in rows] == [False, True] * 24
+    for row in rows:
+        impact = [float(row[name]) for name in answers.IMPACT]
         level = sets[0] if row["level"] == "clay" else sets[1]
         rebounds = level.model.rebound(level.values, fitball.impacts(*impact))
         for name in OUTPUTS[:7]:
-            assert forwards[name] == getattr(rebounds, name)[0], name
+            assert float(row[name]) == getattr(rebounds, name)[0], name
         assert row["regime"] == fitball.regime_name(rebounds.regime[0])

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 from support import ports
+from support.travel import acting
 
 from fitball.base.values import FloatArray
 from fitball.models.kernels.contact import OFFSET, OFFSET_CONTACT, ball_of, contact_of
@@ -18,14 +19,15 @@ RADIUS = 0.03302
 
 class Case(NamedTuple):
     """Balls that hit a surface at the same vertical speed `v_y`, by a kernel's `call`: velocities
-    along the surface and spins (impacts, 2), and the share of the model's offset that acts.
+    along the surface and spins (impacts, 2), and the share (impacts, 1) of the model's offset that
+    acts.
     """
 
     call: KernelCall
     velocities: FloatArray
     spins: FloatArray
     v_y: float
-    share: float
+    share: FloatArray
 
 
 @numba.njit
@@ -151,27 +153,34 @@ def _spatial(port, parameters, v, w, v_y, normal):
     return np.array(after_v), np.array(after_w)
 
 
+FLAT = (0.2, 4.0)
+# Within 2 degrees of the vertical.
+STEEP = (0.003, 0.034)
+
+
 @pytest.mark.parametrize(
-    ("text", "share", "sidespin", "speed", "spin"),
+    ("text", "share", "sidespin", "slopes", "speed", "spin"),
     [
         # Exact without offset, whatever the spin, and without sidespin.
-        ("two-mass", 0.0, 1.0, 1e-4, 0.006),
-        ("two-mass+torsion=free", 0.0, 1.0, 1e-4, 0.006),
-        ("two-mass", 1.0, 0.0, 1e-4, 0.006),
+        ("two-mass", 0.0, 1.0, FLAT, 1e-4, 0.006),
+        ("two-mass+torsion=free", 0.0, 1.0, FLAT, 1e-4, 0.006),
+        ("two-mass", 1.0, 0.0, FLAT, 1e-4, 0.006),
+        ("two-mass", 1.0, 0.0, STEEP, 1e-4, 0.006),
         # With both, nearly: the offset turns balls by up to 60 rad/s.
-        ("two-mass", 1.0, 1.0, 0.04, 2.1),
-        ("two-mass+normal=total", 1.0, 1.0, 0.04, 2.1),
-        ("two-mass+offset=grip", 1.0, 1.0, 0.07, 2.6),
+        ("two-mass", 1.0, 1.0, FLAT, 0.04, 2.1),
+        ("two-mass", 1.0, 1.0, STEEP, 0.04, 2.1),
+        ("two-mass+normal=total", 1.0, 1.0, FLAT, 0.04, 2.1),
+        ("two-mass+offset=grip", 1.0, 1.0, FLAT, 0.07, 2.6),
     ],
 )
-def test_bounce_in_space(text, share, sidespin, speed, spin):
+def test_bounce_in_space(text, share, sidespin, slopes, speed, spin):
     port = ports.reference(text)
     rng = np.random.default_rng(1)
     v_y = 12.0
     typical = ports.typical(text, eps_slope=2e-4)
     along = np.array([[0.8, -0.6]])
     across = np.array([[0.6, 0.8]])
-    speeds = v_y * rng.uniform(0.2, 4.0, (40, 1))
+    speeds = v_y * rng.uniform(*slopes, (40, 1))
     topspin = rng.uniform(-1.0, 1.5, (40, 1))
     turned_away = sidespin * rng.uniform(-1.0, 1.0, (40, 1))
     case = Case(
@@ -179,7 +188,7 @@ def test_bounce_in_space(text, share, sidespin, speed, spin):
         velocities=speeds * along,
         spins=v_y / RADIUS * (topspin * along + turned_away * across),
         v_y=v_y,
-        share=share,
+        share=share * acting(speeds, v_y),
     )
     parameters = port.BALL._replace(
         eps_10=share * port.BALL.eps_10,
@@ -214,6 +223,60 @@ def test_spin_about_the_normal_stays_and_turned_axes_turn_the_answer(text):
         assert v_2 == pytest.approx(turn.T @ turned_v, abs=1e-10)
         assert omega_2 == pytest.approx(turn.T @ turned_omega, abs=1e-8)
         assert omega_2 @ normal == pytest.approx(spin @ normal, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip"])
+def test_mirror_images_bounce_as_mirror_images_to_the_last_digit(text):
+    """In the plane, and in space of every plane of the axes; straight down, with and without
+    spin.
+    """
+    port = ports.reference(text)
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        v_x = float(rng.choice([0.0, 0.01, 0.1, 10.0]) * rng.uniform(-1.0, 1.0))
+        v_y = float(rng.uniform(3.0, 20.0))
+        omega = float(rng.choice([0.0, 300.0]) * rng.uniform(-1.0, 1.0))
+        right = port.rebound(v_x, v_y, omega, port.BALL)
+        left = port.rebound(-v_x, v_y, -omega, port.BALL)
+        turned = left._replace(
+            v_x2=-left.v_x2,
+            omega_2=-left.omega_2,
+            gap_path=-left.gap_path,
+            gap_turn=-left.gap_turn,
+        )
+        assert repr(turned).replace("-0.0,", "0.0,") == repr(right).replace("-0.0,", "0.0,")
+    for _ in range(200):
+        velocity, spin, normal = rng.standard_normal((3, 3))
+        velocity = velocity * [9.0, 9.0, 9.0] - 12.0 * normal
+        # Nearly along the normal, or just along it.
+        steep = rng.choice([1.0, 0.01, 0.0])
+        velocity = steep * velocity - (1.0 - steep) * 12.0 * normal
+        spin = spin * rng.choice([0.0, 200.0])
+        v_2, omega_2 = _rebound_3d(port, velocity, spin, normal, port.BALL)
+        for axis in range(3):
+            mirror = np.ones(3)
+            mirror[axis] = -1.0
+            # Spin is an axial vector.
+            images = (mirror * velocity, -mirror * spin, mirror * normal)
+            v_image, omega_image = _rebound_3d(port, *images, port.BALL)
+            assert np.array_equal(mirror * v_image, v_2)
+            assert np.array_equal(-mirror * omega_image, omega_2)
+
+
+@pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip"])
+@pytest.mark.parametrize("slope", [0.0, 1e-3, -0.02, 0.4])
+def test_straight_down_is_one_rule_in_the_plane_and_in_space(text, slope):
+    """A small speed along the surface has a small effect, whatever its direction."""
+    port = ports.reference(text)
+    travel = np.array([-0.6, 0.8])
+    flat = port.rebound(9.0 * slope, 9.0, 0.0, port.BALL)
+    normal = np.array([0.0, 0.0, 1.0])
+    v = 9.0 * slope * travel[None]
+    (velocity,), (spin,) = _spatial(port, port.BALL, v, 0.0 * v, 9.0, normal)
+    assert velocity == pytest.approx(flat.v_x2 * travel, abs=1e-12)
+    assert spin == pytest.approx(flat.omega_2 * travel, abs=1e-10)
+    if abs(slope) < 0.01:
+        assert abs(flat.v_x2) <= 60.0 * abs(slope)
 
 
 @pytest.mark.parametrize("text", ["two-mass", "thesis-exact", "grip-slip"])

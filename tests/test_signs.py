@@ -63,46 +63,42 @@ def test_errors_of_flipped_angles_keep_their_correlation():
     assert positive.corr["theta_1,v_2"][0] == -0.5
 
 
-def test_balls_that_fly_the_other_way_are_named():
-    columns = {
-        "v_x1": [15.0, -14.0, 13.0, -12.0],
-        "v_y1": [5.0, 5.0, 5.0, 5.0],
-        "omega_1": [0.0, 10.0, 0.0, 5.0],
-        "v_x2": [10.0, -9.0, 9.0, -8.0],
-        "v_y2": [4.0, 4.0, 4.0, 4.0],
-    }
-    (text,) = backwards_of(fitball.load_table(columns))
+BOTH_WAYS = {
+    "v_x1": [15.0, -14.0, 13.0, -12.0],
+    "v_y1": [5.0, 5.0, 5.0, 5.0],
+    "v_x2": [10.0, -9.0, 9.0, -8.0],
+    "v_y2": [4.0, 4.0, 4.0, 4.0],
+}
+BY_ANGLE = {
+    "v_1": [15, 14, 13],
+    "theta_1": [20, 160, 25],
+    "v_2": [9, 8, 8],
+    "theta_2": [24, 156, 29],
+    "omega_2": [200, -200, 200],
+}
+
+
+def test_balls_that_fly_the_other_way_are_read_as_they_are_and_their_spins_named():
+    columns = {**BOTH_WAYS, "omega_1": [0.0, 10.0, 0.0, 5.0]}
+    table = fitball.load_table(columns)
+    (text,) = backwards_of(table)
     assert "rows 2 and 4" in text
-    assert "change the signs of v_x1, omega_1 and v_x2" in text
+    for name, values in columns.items():
+        assert table.values[name].tolist() == values
+    # Without a spin there is no sign to ask for.
+    assert not backwards_of(fitball.load_table(BOTH_WAYS))
+    backwards = {"v_x1": [-15.0, -14.0], "v_y1": [5.0] * 2, "v_x2": [-9.0, -8.0], "v_y2": [4.0] * 2}
+    (text,) = backwards_of(fitball.load_table({**backwards, "omega_2": [-200.0, -190.0]}))
+    assert "every row" in text
 
 
-def test_where_all_fly_the_other_way_the_option_mirrors_them():
-    columns = {
-        "v_x1": [-15.0, -14.0],
-        "v_y1": [5.0, 5.0],
-        "omega_1": [-20.0, 10.0],
-        "v_x2": [-10.0, -9.0],
-        "v_y2": [4.0, 4.0],
-    }
-    (text,) = backwards_of(fitball.load_table(columns))
-    assert "--flip v_x1,omega_1,v_x2" in text
-    mirrored = fitball.load_table(columns, flip="v_x1,omega_1,v_x2")
-    assert not backwards_of(mirrored)
-    assert mirrored.values["omega_1"].tolist() == [20.0, -10.0]
-    (text,) = backwards_of(fitball.load_table(columns, flip="omega_1"))
-    assert "--flip v_x1,v_x2" in text
-
-
-def test_angles_of_balls_that_fly_the_other_way_are_supplements():
-    columns = {
-        "v_1": [15, 14, 13],
-        "theta_1": [20, 160, 25],
-        "v_2": [9, 8, 8],
-        "theta_2": [24, 156, 29],
-    }
-    (text,) = backwards_of(fitball.load_table(columns))
+def test_angles_beyond_the_normal_are_those_of_balls_that_fly_the_other_way():
+    table = fitball.load_table(BY_ANGLE)
+    (text,) = backwards_of(table)
     assert "row 2" in text
-    assert "180 deg - theta_1 and write 180 deg - theta_2" in text
+    expected = 14.0 * np.cos(np.radians(160.0))
+    assert table.impacts.v_x1[1] == pytest.approx(expected, rel=1e-12)
+    assert table.impacts.side.tolist() == [1.0, -1.0, 1.0]
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,10 @@ REBOUND = (
     "gap_path",
     "gap_turn",
 )
+# Those of the other sign for the mirror image of an impact. Angles to the court are then those to
+# 180 degrees, so that their deviations have the other sign too.
+MIRRORED = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
+MIRRORED_DEVIATIONS = (*MIRRORED, "theta_1", "theta_2")
 # What laboratories write instead of speeds of a drop test; a table has the speeds.
 SPEED_OF_HEIGHT = {"drop_height": "v_y1", "rebound_height": "v_y2"}
 HEIGHTS = tuple(SPEED_OF_HEIGHT)

@@ -92,6 +92,33 @@ class Impacts:
         """
         return np.hypot(self.v_x1, self.v_y1), np.arctan2(self.v_y1, self.v_x1)
 
+    @property
+    def side(self) -> FloatArray:
+        """To which side each ball flies, 1 towards positive v_x and -1 towards negative v_x; of one
+        that falls straight down the sign of its spin, and 1 without spin. Shaped as `v_x1`.
+
+        Example:
+            >>> import fitball
+            >>> fitball.impacts([16.0, -14.0, 0.0], 5.0).side.tolist()
+            [1.0, -1.0, 1.0]
+        """
+        falls = self.v_x1 == 0.0
+        backwards = (self.v_x1 < 0.0) | (falls & (self.omega_1 < 0.0))
+        return np.where(backwards, -1.0, 1.0)
+
+    @property
+    def forwards(self) -> Impacts:
+        """The impacts, and the mirror images of those whose `side` is -1.
+
+        Example:
+            >>> import fitball
+            >>> mirrored = fitball.impacts(-14.0, 5.0, 20.0).forwards
+            >>> float(mirrored.v_x1[0]), float(mirrored.omega_1[0])
+            (14.0, -20.0)
+        """
+        side = self.side
+        return Impacts(side * self.v_x1, self.v_y1, side * self.omega_1)
+
     def moved(self, errors: Annotated[FloatArray, "... impacts 3"]) -> Impacts:
         """The impacts with errors added to `v_x1` and `v_y1` [m/s] and `omega_1` [rad/s].
 

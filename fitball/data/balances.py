@@ -39,7 +39,8 @@ def impact_balances(
     `cor` is v_y2/v_y1; `mu_bar` the mean friction (v_x1 - v_x2)/(v_y1 + v_y2) (Jafri 2004, Eq. 65);
     `e_x` the tangential restitution of the contact point; `offset` [m] the distance of the normal
     force ahead of the centre, from angular momentum about the contact point; `energy_lost` [J], and
-    its share of the incident energy.
+    its share of the incident energy. Balls that fly towards negative v_x count as their mirror
+    images.
 
     NAME_sd is propagated from the stated errors of the whole row with their correlations; `noise`
     are sds of rebound columns that state none, without which what depends on them has no sd. The
@@ -55,9 +56,13 @@ def impact_balances(
     values |= {name: table.values[name] for name in rebound}
     is_drop = not table.has_tangential
     has_spin = table.has_spin
+    side = impacts.side
 
     def of_columns(columns: AnalyticColumns) -> AnalyticColumns:
-        return _balances(columns, ball, is_drop, has_spin)
+        results = dict(_balances(columns, ball, is_drop, has_spin))
+        for name in results.keys() & {"mu_bar", "offset"}:
+            results[name] = side * results[name]
+        return results
 
     results, slope = results_and_slopes(of_columns, values)
     sds = _sds(table, values, rebound, slope, noise or {})

@@ -165,13 +165,6 @@ def impact_grid(
         return state(fallen, points)
 
     states, covariance = propagate(states_of, columns, stated)
-    if (states["v_x1"] < 0.0).any():
-        # The offset of the normal force lies ahead in the direction of travel, towards positive
-        # v_x.
-        _fail(
-            text,
-            "the ball flies towards negative v_x; mirror it: change the signs of v_x1 and omega_1",
-        )
     return Impacts(*states.values()), covariance if stated.any() else None
 
 

@@ -386,7 +386,8 @@ def _best_signs(moved: Sequence[Columns], ball: Ball) -> IntArray:
     lost = []
     for motion_of in moved:
         spun = turn * (motion_of["omega_2"] - motion_of["omega_1"])
-        lost.append(motion_of["v_x1"] - motion_of["v_x2"] - spun)
+        side = np.where(motion_of["v_x1"] < 0.0, -1.0, 1.0)
+        lost.append(side * (motion_of["v_x1"] - motion_of["v_x2"] - spun))
     pressed = np.maximum(moved[0]["v_y1"] + moved[0].get("v_y2", 0.0), 1e-9)
     per_impulse = np.array(lost) / pressed
     offset = 0.0
@@ -479,6 +480,7 @@ def _tangential_misfit(moved: Columns, ball: Ball) -> Misfit:
     radius = ball.radius
     v_1 = moved["v_y1"]
     pressed = np.maximum(v_1 + moved.get("v_y2", _USUAL_RESTITUTION * v_1), 1e-9)
+    ahead = np.where(moved["v_x1"] < 0.0, -pressed, pressed)
     slip = moved["v_x1"] - radius * moved["omega_1"]
     lost = None
     turned = None
@@ -495,7 +497,8 @@ def _tangential_misfit(moved: Columns, ball: Ball) -> Misfit:
     def law(points: FloatArray) -> Residuals:
         most = np.exp(points[:, :1]) * pressed
         e_x = points[:, 1:2]
-        shift = points[:, 2:] * pressed
+        # Ahead, to whichever side the ball flies.
+        shift = points[:, 2:] * ahead
         grip = a / (1.0 + a) * (1.0 + e_x) * slip + shift / (1.0 + a)
         expected = np.clip(grip, -most, most)
         residuals: dict[str, tuple[FloatArray, float]] = {}

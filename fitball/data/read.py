@@ -265,7 +265,7 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
     for row in rows[table.impossible()].tolist():
         cells.fault("impossible-correlations", "correlations that no errors can have", None, row)
     cells.refuse()
-    note_backwards(cells, checked, rows, flip)
+    note_backwards(cells, checked, rows)
     note_slips(cells, within_limits, header.units)
     return replace(table, notices=(*cells.notes, *repeated_rows(table)))
 

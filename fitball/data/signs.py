@@ -1,4 +1,4 @@
-"""Signs and zeros of angles: what is flipped, counted the other way throughout, or mirrored."""
+"""Signs and zeros of angles: what is flipped, or counted the other way throughout."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from fitball.data.kinematics import Columns, counting_columns, velocity
 
 # Columns that tables which count along a fixed axis have all negative.
 _EQUAL_SIGNS = ("v_y2", "theta_1", "theta_2")
-# Columns whose signs the mirror image has changed.
-_MIRRORED = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
+# Columns of the spin, whose sign depends on where v_x points.
+_SPINS = ("omega_1", "omega_2", "gap_turn")
 # Share of the speed by which v_x1 may be negative of a ball that was dropped.
 _DROPPED_SHARE = 0.05
 # Sds of the stated error by which it may.
@@ -96,17 +96,12 @@ def _sign_of_most(cells: TableCells, name: str, angles: FloatArray) -> float:
     return -1.0
 
 
-def note_backwards(
-    cells: TableCells,
-    columns: Columns,
-    rows: IntArray,
-    flip: Sequence[str],
-) -> None:
-    """Note which of the `rows` have a ball that flies towards negative v_x: models are of balls
-    that fly the other way. `flip` are the columns that are flipped already.
+def note_backwards(cells: TableCells, columns: Columns, rows: IntArray) -> None:
+    """Note which of the `rows` with spins have a ball that flies towards negative v_x: its topspin
+    is negative.
     """
     before = velocity({name: columns[name] for name in counting_columns(columns, "1")}, "1")
-    if "v_x1" not in before:
+    if "v_x1" not in before or columns.keys().isdisjoint(_SPINS):
         return
     v_x = before["v_x1"][rows]
     error = np.nan_to_num(np.asarray(columns.get("v_x1_sd", np.zeros(len(cells.rows)))))[rows]
@@ -114,19 +109,12 @@ def note_backwards(
     flying = np.flatnonzero(v_x < -noise)
     if not flying.size:
         return
-    angles = [name for name in ("theta_1", "theta_2") if name in columns]
-    mirrored = [name for name in _MIRRORED if name in columns]
-    if len(flying) == len(rows) and not angles:
-        where = "every row"
-        remedy = flip_option(flip, mirrored)
-    else:
+    where = "every row"
+    if len(flying) < len(rows):
         word = "row" if flying.size == 1 else "rows"
         where = f"{word} {listed(cells.rows[rows[flying]].astype(str), most=_NAMED_ROWS)}"
-        changes = [f"write 180 deg - {name}" for name in angles]
-        if mirrored:
-            changes.append(f"change the signs of {listed(mirrored)}")
-        remedy = f"{listed(changes)} there"
-    cells.note("backwards", f"balls fly towards negative v_x in {where}. Mirror them: {remedy}")
+    words = f"balls fly towards negative v_x in {where}: their topspin is read as negative"
+    cells.note("backwards", words)
 
 
 def flip_option(flip: Sequence[str], turned: Sequence[str]) -> str:

@@ -16,6 +16,7 @@ from fitball.models.history import History, followed
 from fitball.models.kernels.contact import Flags
 from fitball.models.kernels.phases import Outcome
 from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.models.travel import bounced, travel_of, turn_back, with_share
 from fitball.models.types import REASONS, Rebound, Status
 
 
@@ -173,7 +174,7 @@ class Model:
             >>> rebound.v_y2.tolist()
             [[7.0, 7.0, 7.0], [8.0, 8.0, 8.0]]
         """
-        rebound = self.solve(self.ball, names, values, impacts, cor)
+        rebound = bounced(self.solve, self.ball, names, values, impacts, cor)
         if not self.tangential:
             rebound.regime[:] = 0
         return rebound
@@ -268,8 +269,10 @@ class Model:
                 f"contact, 0 to {contact_time:.6g} s",
                 "times",
             )
-        row = self.solve.rows(self.ball, names, values)[0]
-        history = followed(row, self.solve.flags, impact, times)
+        travel = travel_of(impact)
+        row = self.solve.rows(self.ball, names, with_share(names, values, travel.share))[0]
+        history = followed(row, self.solve.flags, travel.forwards, times)
+        turn_back(history.courses, travel.side)
         if not self.tangential:
             history.phase[:] = 0
         return history

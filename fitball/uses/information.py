@@ -365,7 +365,8 @@ def _nearest_rows(fit: Fitted, impacts: Impacts) -> IntArray:
         return np.full(len(impacts), complete[0])
     # Of a long table evenly spread ones.
     complete = complete[evenly_spread(len(complete), LONG_ROWS, down=True)]
-    states = rows.states.take(complete)
+    states = rows.states.take(complete).forwards
+    impacts = impacts.forwards
     along = (impacts.v_x1[:, None] - states.v_x1) ** 2
     towards = (impacts.v_y1[:, None] - states.v_y1) ** 2
     around = (radius * (impacts.omega_1[:, None] - states.omega_1)) ** 2

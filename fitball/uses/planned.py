@@ -101,7 +101,7 @@ def _axes_of(fit: Fitted) -> tuple[_Axis, _Axis, _Axis]:
     """
     tangential = fit.problem.forward.model.tangential
     spun = tangential and fit.run.table.has_spin
-    states = fit.problem.rows.states
+    states = fit.problem.rows.states.forwards
     speed, angle = states.polar()
     spin = states.omega_1
     if not tangential:

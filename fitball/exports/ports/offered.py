@@ -27,6 +27,7 @@ from fitball.models.kernels.contact import (
 from fitball.models.kernels.phases import FREE, GRIP, Outcome, unsolved
 from fitball.models.kernels.phases import rebound as followed
 from fitball.models.model import KernelSolver
+from fitball.models.travel import FULL_OFFSET, offset_share
 from fitball.models.two_mass import TwoMass
 from fitball.models.types import PHASE_BITS
 
@@ -172,9 +173,9 @@ SOLVED: Callable[..., Outcome] = two_mass
 
 def either_way(row: Parameters, share: float, v_x: float, v_y: float, omega: float) -> Outcome:
     """The bounce of a ball that flies either way: with `v_x < 0` the mirror image, its offset ahead
-    too.
+    too. Of a ball that falls straight down the spin is positive.
     """
-    if not v_x < 0.0:
+    if not (v_x < 0.0 or (v_x == 0.0 and omega < 0.0)):
         return SOLVED(row, share, v_x, v_y, omega)
     found = SOLVED(row, share, -v_x, v_y, -omega)
     return found._replace(
@@ -187,7 +188,13 @@ def either_way(row: Parameters, share: float, v_x: float, v_y: float, omega: flo
 
 def rebound(v_x1: float, v_y1: float, omega_1: float, parameters: Parameters) -> Rebound:
     """The rebound of any impact with finite numbers in the plane of the bounce."""
-    return answered(v_x1, v_y1, omega_1, 1.0, parameters)
+    return answered(v_x1, v_y1, omega_1, share_at(abs(v_x1), v_y1), parameters)
+
+
+def share_at(travel: float, v_y: float) -> float:
+    """The share of the offset that acts on a ball of the speed `travel` along the surface."""
+    full = FULL_OFFSET * v_y
+    return offset_share(travel / full) if travel < full else 1.0
 
 
 def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parameters) -> Rebound:
@@ -246,19 +253,22 @@ def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Param
     v_t = plus(velocity, v_y, up)
     w = cross(spin, up)
     about = dot(spin, up)
-    travel = along(v_t, Vector(0.0, 0.0, 0.0))
+    size = math.sqrt(dot(v_t, v_t))
+    # The share of the offset that acts, over the speed along the surface: of a part of this speed
+    # the same share acts along it.
+    acting = share_at(size, v_y) / size if size > 0.0 else 0.0
     slip = plus(v_t, -parameters.ball_radius, w)
-    slow = NO_SLIP * (math.sqrt(dot(v_t, v_t)) + parameters.ball_radius * math.sqrt(dot(w, w)))
+    slow = NO_SLIP * (size + parameters.ball_radius * math.sqrt(dot(w, w)))
     # All that moves along the surface lies along the slip; without slip along the travel, without
     # both anywhere.
     side = Vector(1.0, 0.0, 0.0) if abs(up.x) < 0.8 else Vector(0.0, 1.0, 0.0)
-    first = along(slip, side) if dot(slip, slip) > slow * slow else along(travel, side)
+    first = along(slip, side) if dot(slip, slip) > slow * slow else along(v_t, side)
     second = along(cross(up, first), side)
     first = cross(second, up)
     v_s = dot(v_t, first)
     v_c = dot(v_t, second)
     omega_c = dot(w, second)
-    one = answered(v_s, v_y, dot(w, first), abs(dot(travel, first)), parameters)
+    one = answered(v_s, v_y, dot(w, first), acting * abs(v_s), parameters)
     if v_y > 0.0:
         v_c, omega_c = across(
             one,
@@ -267,7 +277,7 @@ def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Param
             v_c,
             v_y,
             omega_c,
-            abs(dot(travel, second)),
+            acting * abs(v_c),
             parameters,
         )
     v_t = plus(plus(plus(Vector(0.0, 0.0, 0.0), one.v_x2, first), v_c, second), one.v_y2, up)

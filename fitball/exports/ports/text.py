@@ -22,12 +22,13 @@ from fitball.exports.parameter_set import ParameterSet
 from fitball.exports.ports import offered, python
 from fitball.exports.ports.dialects import CSHARP, JAVASCRIPT, C, Dialect
 from fitball.exports.ports.offered import FRONTS, Front
-from fitball.exports.ports.source import KernelSource, source_of
+from fitball.exports.ports.source import KernelSource, Type, source_of
 from fitball.exports.ports.translate import translated
 from fitball.models.kernels.batch import OUTPUTS
 from fitball.models.kernels.contact import FLAG_CHOICES, Flags
 from fitball.models.model import KernelCall, Model
-from fitball.models.types import PHASE_BITS, PHASE_NAMES, REASONS, Rebound, Status, regime_name
+from fitball.models.travel import Number, bounced
+from fitball.models.types import PHASE_BITS, PHASE_NAMES, REASONS, Status, regime_name
 from fitball.version import __version__
 
 # Largest difference that a self-test allows: other mathematical libraries differ by their last
@@ -35,13 +36,11 @@ from fitball.version import __version__
 TOLERANCE = 1e-12
 # Vertical speeds of golden impacts where none were measured [m/s]: from a lob to a serve.
 GOLDEN_SPEEDS = (4.0, 25.0)
-# Speeds of golden impacts along the court, over the vertical ones: balls that grip, balls that do
-# both, balls that slide.
-GOLDEN_SLOPES = (0.3, 1.2, 4.0)
+# Speeds of golden impacts along the court, over the vertical ones: balls that fall nearly straight
+# down, balls that grip, balls that do both, balls that slide.
+GOLDEN_SLOPES = (0.02, 0.3, 1.2, 4.0)
 # R omega of golden impacts over their vertical speeds: backspin, no spin, topspin.
 GOLDEN_SPINS = (-0.8, 0.0, 1.5)
-# Columns that have the other sign for a ball that flies to the left.
-MIRRORED_COLUMNS = ("v_x1", "omega_1", "v_x2", "omega_2", "gap_path", "gap_turn")
 # Phases of a packed regime at most: 51 bits, which a double holds, and JavaScript has no other
 # numbers.
 MOST_PHASES = 17
@@ -76,10 +75,12 @@ def golden_of(parameters: ParameterSet) -> list[list[float]]:
     radius = parameters.values.get("ball_radius", model.ball.radius)
     states = product(parameters.measured or GOLDEN_SPEEDS, GOLDEN_SLOPES, GOLDEN_SPINS)
     v_y, slope, spinning = np.array(list(states)).T
-    impacts = Impacts(slope * v_y, v_y, spinning * v_y / radius)
+    side = np.where(np.arange(v_y.size) % 2, -1.0, 1.0)
+    impacts = Impacts(side * slope * v_y, v_y, side * spinning * v_y / radius)
     # `Model.evaluate` would take the phases of a drop away, which ports have.
+    names = tuple(parameters.values)
     values = np.array([list(parameters.values.values())])
-    rebound: Rebound = model.solve(model.ball, tuple(parameters.values), values, impacts, None)
+    rebound = bounced(model.solve, model.ball, names, values, impacts, None)
     solved = rebound.status[0] == Status.OK
     short = rebound.regime[0] < 1 << MOST_PHASES * PHASE_BITS
     good = solved & short
@@ -93,7 +94,6 @@ def golden_of(parameters: ParameterSet) -> list[list[float]]:
     for name in (*OUTPUTS, "regime"):
         columns[name] = getattr(rebound, name)[0]
     numbers = np.stack([*columns.values()], axis=1)[good]
-    numbers[1::2] *= [-1.0 if name in MIRRORED_COLUMNS else 1.0 for name in columns]
     rows: list[list[float]] = numbers.tolist()
     return rows
 
@@ -207,7 +207,12 @@ def _source(
         "GRIP_ONLY": int(front.grip_only(flags)),
         "MAX_PACKED_PHASES": MOST_PHASES,
     }
-    types = {FloatArray: row_type, Flags: choices, offered.Parameters: row_type}
+    types: dict[object, Type] = {
+        FloatArray: row_type,
+        Flags: choices,
+        offered.Parameters: row_type,
+        Number: float,
+    }
     helpers = python.HELPERS if dialect is None else dialect.helpers
     functions = (offered.rebound, offered.rebound_3d, offered.self_test)
     return source_of(functions, constants, types, helpers)

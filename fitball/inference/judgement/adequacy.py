@@ -187,7 +187,7 @@ def _pattern_tests(fit: FitResiduals) -> Iterator[PatternTest]:
         for kind, text, shape in shapes:
             if kind == "bias" and column == "v_y2" and bent:
                 text = f"{text}, or a bend over v_y1"
-            direction = first.direction(column, shape)
+            direction = first.direction(column, fit.sides(column) * shape)
             yield from tested_pattern(fit, kind, column, f"{column}: {text}", direction, tested)
     yield from _parameter_tests(fit, along_rows, groups, tested)
 

@@ -146,8 +146,8 @@ def linked_tests(fit: FitResiduals) -> Iterator[PatternTest]:
         freedom = float(min(fit.freedom[k], fit.freedom[m]))
         if both.size < LEAST_TESTED_ROWS or freedom <= 2.0:
             continue
-        a = fit.scaled[of_k[i]]
-        b = fit.scaled[of_m[j]]
+        a = fit.scaled[of_k[i]] * fit.sides(first.columns[k])[both]
+        b = fit.scaled[of_m[j]] * fit.sides(first.columns[m])[both]
         together = float(a @ b) ** 2
         apart = float((a @ a) * (b @ b))
         share = min(together / apart, FULL_SHARE)

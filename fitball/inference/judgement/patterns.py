@@ -26,8 +26,10 @@ UNIT_ROUNDING = 1e-9
 
 
 def covariates(problem: Problem) -> dict[str, FloatArray]:
-    """The columns (impacts,) of the incident state by name, in SI, that differ between impacts."""
-    states = problem.rows.states
+    """The columns (impacts,) of the incident state by name, in SI, that differ between impacts, as
+    if all balls flew to one side.
+    """
+    states = problem.rows.states.forwards
     columns = {"v_y1": states.v_y1}
     if problem.forward.model.tangential:
         speed, angle = states.polar()

@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.special import stdtr
 
+from fitball.base.columns import MIRRORED_DEVIATIONS
 from fitball.base.values import FloatArray
 from fitball.inference.judgement.first_order import FirstOrder
 from fitball.inference.problem.problem import Problem
@@ -42,6 +43,11 @@ class FitResiduals(NamedTuple):
     ) -> Annotated[FloatArray, "measurements"]:
         """The values (measurements,) of cells (impacts, columns) that were measured."""
         return np.asarray(cell_values[self.first.rows, self.first.column])
+
+    def sides(self, column: str) -> Annotated[FloatArray, "impacts"]:
+        """The signs by which deviations in a column are those of balls that fly to one side."""
+        side = self.problem.rows.states.side
+        return side if column in MIRRORED_DEVIATIONS else np.ones(side.shape)
 
     @property
     def studentised(self) -> Annotated[FloatArray, "measurements"]:

@@ -423,7 +423,7 @@ def draw_regime_map(fit: Fitted) -> Figure:
     forward = fit.problem.forward
     keys, which, counts = np.unique(rows.index, axis=0, return_inverse=True, return_counts=True)
     usual = counts.argmax()
-    impacts = rows.states.take(np.flatnonzero(which.ravel() == usual))
+    impacts = rows.states.take(np.flatnonzero(which.ravel() == usual)).forwards
     speed, angle = impacts.polar()
     median_speed = float(np.median(speed))
     low, high = _wider_range(angle, _LEAST_ANGLES)
