@@ -471,7 +471,7 @@ def test_a_ball_at_zero_is_no_code():
         {"frame": FRAME, "x [m]": METRES[:, 0] - METRES[nearest, 0], "y [m]": METRES[:, 1]}
     )
     table.loc[nearest, "y [m]"] = 0.0
-    (track,), notes = read(table, y="up")
+    (track,), notes = read(table, y="up", mm_per_px=None)
     assert len(track.x) == len(FRAME)
     assert notes == []
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice
+from itertools import chain, islice, takewhile
 from typing import TypeAlias
 
 import numpy as np
@@ -129,6 +129,10 @@ def cells_of_records(
     factor = _factor_above(source, head[:at], len(header), notes)
     first_name = header[0].lstrip("# ") or header[0] or name_of_index
     names = [first_name, *header[1:]]
+    # Behind the first one, levels of an index have no names either.
+    levels = [*takewhile(lambda k: not names[k], range(1, len(names)))] if name_of_index else []
+    for level in levels:
+        names[level] = f"{name_of_index} {level + 1}"
     records.check_shape(source, 1, len(names))
     below = [cells for _, cells in head[at + 1 :] if not _is_between(cells)]
     if _begin_with_names(below, header):

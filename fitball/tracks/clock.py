@@ -152,15 +152,16 @@ def unread_clocks(
     return clocks
 
 
-def numbers_in_names(texts: Sequence[str]) -> FloatArray | None:
-    """Numbers (rows,) of frames in the names of their files, such as `0012.jpg`: the last ones of
-    which all differ. None where texts are no such names.
+def numbers_in_names(texts: Sequence[str], clips: Sequence[str]) -> FloatArray | None:
+    """Numbers (rows,) of frames in the names of their files, such as `0012.jpg`: the last ones that
+    all differ within each of the `clips` (rows,). None where texts are no such names.
     """
     filled = [k for k, text in enumerate(texts) if text]
     runs = [_DIGITS.findall(_PICTURE.sub("", texts[k])) for k in filled]
     numbers = np.full(len(texts), np.nan)
     for of_texts in reversed([*zip(*runs, strict=False)]):
-        if len({*map(int, of_texts)}) == len(filled):
+        frames = {*zip((clips[k] for k in filled), map(int, of_texts), strict=True)}
+        if len(frames) == len(filled):
             numbers[filled] = [*map(float, of_texts)]
             return numbers
     return None

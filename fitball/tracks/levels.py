@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.data.cells import CellArray, TableCells, texts_of
 from fitball.data.records import cell_text
+from fitball.tracks.names import INDEX
 
 # What rows of names begin with in DeepLabCut. The first one says nothing of a part.
 _ROWS_OF_NAMES = ("scorer", "individuals", "bodyparts")
@@ -35,12 +36,17 @@ def with_one_header(cells: TableCells) -> TableCells:
 
 
 def _of_deeplabcut(cells: TableCells) -> TableCells:
-    """A table whose columns are called `animal.part.x`, of which the first has the frames."""
+    """A table whose columns are called `animal.part.x`, of which the first has the frames; of
+    several first ones, as those of pictures in folders, the last, and that before it the video.
+    """
     levels = [
         record for record in cells.above if record and record[0].casefold() in _ROWS_OF_NAMES[1:]
     ]
-    names = ["frame"]
-    for k, axis in enumerate(cells.names[1:], 1):
+    of_index = 1
+    while of_index < len(cells.names) and cells.names[of_index].startswith((INDEX, _LAST_ROW)):
+        of_index += 1
+    names = [*[f"folder {k}" for k in range(of_index - 2)], "video", "frame"][-of_index:]
+    for k, axis in enumerate(cells.names[of_index:], of_index):
         of_column = [record[k] for record in levels if record[k] not in ("", *_NO_ANIMAL)]
         names.append(".".join([*of_column, axis]))
     notes = [note for note in cells.notes if note.code != "above-header"]

@@ -9,6 +9,7 @@
 | DLTdv | `pt1_cam1_X, pt1_cam1_Y` of each point, in pixels | a frame, from 1 |
 | DeepLabCut | three or four rows of names (`levels`), or `.h5` (`hdf5`) | a frame of all parts |
 | SLEAP | `frame_idx`, `track`, `NODE.x, NODE.y`, or `.h5` | a frame of an instance |
+| MTrack2, MOTChallenge | `Frame, X1, Y1, Flag1, X2`, or none (`plain_texts`) | a frame, or a box |
 | recordings of markers | `NAME X, NAME Y, NAME Z`, or `.c3d` (`c3d`) | a frame of all markers |
 """
 
@@ -35,6 +36,7 @@ from fitball.tracks.c3d import cells_of_c3d, is_c3d
 from fitball.tracks.hdf5 import cells_of_hdf5
 from fitball.tracks.levels import with_one_header
 from fitball.tracks.names import INDEX, FilmNaming
+from fitball.tracks.plain_texts import cells_of_plain_text
 from fitball.tracks.reader import Reader
 from fitball.tracks.types import Track
 
@@ -42,6 +44,8 @@ from fitball.tracks.types import Track
 _C3D = ".c3d"
 # Endings of files that are no text and may have positions.
 _BINARY = (".h5", ".hdf5", ".hdf", _C3D)
+# Endings of texts that may be no table with a header.
+_TEXTS = (".txt", ".csv", ".tsv", ".xls")
 # A length with its unit: `66mm`.
 _LENGTH_WITH_UNIT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
 
@@ -128,13 +132,17 @@ def read_tracks(
 
 def _cells(source: TableSource, naming: FilmNaming, name: str) -> TableCells:
     """The cells of a source. Raises InputError (codes of `read_cells`)."""
-    if isinstance(source, Path) and (ending := source.suffix.lower()) in _BINARY:
+    cells = None
+    ending = source.suffix.lower() if isinstance(source, Path) else ""
+    if ending in (*_BINARY, *_TEXTS):
         data = bytes_of(str(source), str(source))
-        if ending == _C3D and is_c3d(data):
-            return cells_of_c3d(str(source), data)
-        if data.startswith(HDF5) and (cells := cells_of_hdf5(str(source), data)):
-            return cells
-    return read_cells(source, naming.worth, name, INDEX)
+        if ending in _TEXTS:
+            cells = cells_of_plain_text(str(source), data)
+        elif ending == _C3D and is_c3d(data):
+            cells = cells_of_c3d(str(source), data)
+        elif data.startswith(HDF5):
+            cells = cells_of_hdf5(str(source), data)
+    return cells or read_cells(source, naming.worth, name, INDEX)
 
 
 def _file_sheet_and_name(source: TableSource) -> tuple[TableSource, str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -47,11 +47,6 @@ _EXPECTED = (
     "expected x and y, t or frame, such as 'id,t [s],x [m],y [m]', or an export of "
     "Tracker, Kinovea, DLTdv, DeepLabCut, SLEAP"
 )
-# Columns that may be written otherwise than as numbers, with what reads them.
-_OTHERWISE: Mapping[str, Callable[[Sequence[str]], FloatArray | None]] = {
-    "frame": numbers_in_names,
-    "t": seconds_of_texts,
-}
 # Keys of [camera] that are used where a film has one of these.
 _USED_WITH = {
     "mm_per_px": ("x [px]", "y [px]", "row_time"),
@@ -148,8 +143,12 @@ class Reader:
                     continue
                 key = self._key(index)
                 written = None
-                if name in _OTHERWISE and np.isnan(self.cells.plain_numbers(index)).any():
-                    written = _OTHERWISE[name](self.cells.text(index))
+                if name in ("frame", "t") and np.isnan(self.cells.plain_numbers(index)).any():
+                    texts = self.cells.text(index)
+                    if name == "frame":
+                        written = numbers_in_names(texts, self._texts(ball, "id"))
+                    else:
+                        written = seconds_of_texts(texts)
                 if written is None:
                     measured[key] = index
                 else:

@@ -169,3 +169,44 @@ def csv_text(table, **options):
     file = io.StringIO()
     table.to_csv(file, **options)
     return file.getvalue()
+
+
+def mtrack2(tracks, summary=True, most=75):
+    """The text of results of MTrack2 in ImageJ: tracks, places by frame, side by side in blocks of
+    at most so many, with flags where another object is near, and a summary below them.
+    """
+    names = "".join(f"\tX{k}\tY{k}\tFlag{k}" for k in range(1, min(len(tracks), most) + 1))
+    lines = [f"Frame{names}"]
+    for first in range(0, len(tracks), most):
+        block = tracks[first : first + most]
+        lines.append(f"Tracks {first + 1} to {first + len(block)}")
+        for frame in range(COUNT):
+            flag = "*" if frame % 9 == 0 else " "
+            cells = [str(frame + 1)]
+            for places in block:
+                x, y = places.get(frame, (None, None))
+                cells += [" "] * 3 if x is None else [f"{x:.5f}", f"{y:.5f}", flag]
+            lines.append("\t".join(cells))
+    if summary:
+        lines += ["", "Track \tLength\tDistance traveled\tNr of Frames"]
+        for number, places in enumerate(tracks, 1):
+            lines.append(f"{number}\t512.25\t490.5\t{len(places)}")
+    return "\n".join(lines) + "\n"
+
+
+def mot_boxes(objects, behind=("0.97", "-1", "-1", "-1")):
+    """The text of boxes in MOTChallenge, which has no header: frames of objects, places by frame;
+    their ids count from 1. `behind` stands behind each box.
+    """
+    lines = []
+    for frame in range(COUNT):
+        for number, places in enumerate(objects, 1):
+            if frame in places:
+                x, y = places[frame]
+                box = [f"{x - 16.5:.5f}", f"{y - 16.5:.5f}", "33", "33"]
+                lines.append(",".join([str(frame + 1), str(number), *box, *behind]))
+    return "\n".join(lines) + "\n"
+
+
+BALL_BY_FRAME = {int(frame): (x, y) for frame, x, y in zip(FRAME, X, Y, strict=True)}
+RACKET_BY_FRAME = {frame: (x, y) for frame, (x, y) in enumerate(RACKET)}
