@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec.structs import replace as replace_fields
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from support.drawn import bars, cut_off, dots
@@ -19,11 +20,14 @@ from fitball.cli import main
 from fitball.data.scene import Scene
 from fitball.inference import predictive
 from fitball.inference.forward import Draws
-from fitball.inference.schema import Alternative
+from fitball.inference.schema import Alternative, NoiseCheck, ResidualTest
 from fitball.report import predict as page
+from fitball.report.render import to_text
+from fitball.uses.misfit import misfit_sds
 from fitball.uses.predict import table_in_words
 
 REBOUND = ("v_x2", "v_y2", "omega_2")
+NOISES = {"v_x2": "v_x_sd", "v_y2": "v_y_sd", "omega_2": "spin_sd"}
 
 
 def fit_with_variants(*table, tried=(), **choices):
@@ -283,6 +287,53 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
     assert max(each) > min(each) + 0.1
     alone = rows_of(fit.predict(state), "v_x2")
     assert alone["variant_low"].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [("does not describe", "does-not-describe"), ("describes except", "exceptions")],
+)
+def test_rebounds_of_a_fit_that_misses_its_data_are_as_uncertain(answer, code):
+    """Of v_x2 a trend was found that explains 38 % of the variance of its scatter."""
+    good = fit_with_variants()
+    bad = fit_with_variants(answer=answer)
+    frames = {}
+    for name, fit in (("good", good), ("bad", bad)):
+        result = fit.predict(table_of(12))
+        codes = [note.code for note in result.notes]
+        assert (code in codes) == (name == "bad")
+        frames[name] = {column: rows_of(result, column) for column in REBOUND}
+        first_screen = to_text(page.report(result), full=False)
+        assert (fit.adequacy.sentence in first_screen) == (name == "bad")
+    scatter = bad.draws.best["v_x_sd"][0]
+    added = frames["bad"]["v_x2"]["sd"] ** 2 - frames["good"]["v_x2"]["sd"] ** 2
+    assert_allclose(np.sqrt(added), np.sqrt(0.38) * scatter, rtol=0.15)
+    new = ["new_q025", "new_q975"]
+    assert frames["bad"]["v_x2"][new].equals(frames["good"]["v_x2"][new])
+    assert frames["bad"]["omega_2"]["sd"].equals(frames["good"]["omega_2"]["sd"])
+
+
+def test_the_misfit_is_what_found_patterns_of_the_mean_explain_together():
+    fit = fit_with_variants(answer="describes except")
+
+    def sds(tests, noise=()):
+        adequacy = replace_fields(fit.adequacy, tests=tests, noise=noise)
+        changed = replace(fit, adequacy=adequacy)
+        changed.__dict__["built"] = fit.built
+        return misfit_sds(changed)
+
+    def found(kind, column, explained, is_found=True):
+        return ResidualTest(kind, column, "", 0.001, explained, is_found)
+
+    scatter = {name: fit.draws.best[noise][0] for name, noise in NOISES.items()}
+    of_two = sds((found("trend", "v_x2", 0.2), found("drift", "v_x2", 0.3)))
+    assert of_two == pytest.approx({"v_x2": np.sqrt(0.5) * scatter["v_x2"]})
+    assert sds((found("bias", "v_y2", 0.7), found("law", "v_y2", 0.6)))["v_y2"] == scatter["v_y2"]
+    of_all = sds((found("group", "", 0.1),))
+    assert of_all == pytest.approx({name: np.sqrt(0.1) * sd for name, sd in scatter.items()})
+    assert sds((found("outlier", "v_x2", 0.5), found("trend", "v_x2", 0.5, False))) == {}
+    noisy = NoiseCheck("omega_2", 20.0, 5.0, True, True, True)
+    assert sds((), (noisy,)) == {"omega_2": scatter["omega_2"]}
 
 
 def test_no_new_measurement_where_its_error_is_not_known():

@@ -98,6 +98,25 @@ def test_quantiles_of_rebounds_and_of_new_measurements(stated):
     assert frame["reason"].tolist() == [""] * 3
 
 
+def test_true_rebounds_are_as_uncertain_as_their_misfit_and_new_measurements_no_more():
+    columns = ("v_x2", "v_2", "theta_2", "omega_2")
+    plain = predicted(columns)
+    missed = predicted(columns, misfit={"v_x2": 0.3})
+    frame = missed["v_x2"]
+    wanted = stats.norm.interval(0.95, V_X2 + 1.0, np.hypot(0.3, 0.3))
+    # Of 2,000 pairs of normal numbers the ends are known to a twentieth of an sd.
+    assert_allclose(frame["q025"], wanted[0], atol=NEAR * 0.43)
+    assert_allclose(frame["q975"], wanted[1], atol=NEAR * 0.43)
+    assert_allclose(frame["sd"], np.hypot(0.3, 0.3), rtol=0.05)
+    for name in columns:
+        for end in ("new_q025", "new_q975", "noise", "point"):
+            assert missed[name][end].equals(plain[name][end]), name
+    # Speed and angle follow from v_x2; the spin does not.
+    for name in ("v_2", "theta_2"):
+        assert np.all(missed[name]["sd"] > 1.2 * plain[name]["sd"])
+    assert missed["omega_2"].equals(plain["omega_2"])
+
+
 def test_a_stated_column_without_an_error_has_no_new_measurement():
     sds = np.array([[0.3], [np.nan], [0.3]])
     frame = predicted(("v_x2",), stated=sds)["v_x2"]
