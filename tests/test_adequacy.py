@@ -526,5 +526,44 @@ def test_chances_have_the_same_last_digit_in_each_process(monkeypatch):
     assert module._chance_factor(tests, "a") == module.PATTERN_FACTOR / 0.1
 
 
+# Rebounds [cm] of six balls from 254 cm, two drops each.
+LOT = [142.6, 142.1, 143.3, 146.3, 147.1, 146.6, 149.5, 149.3, 152.2, 151.9, 152.6, 153.4]
+
+
+def found_in(drops, balls):
+    """Kinds and patterns that are found in drops (v_y1, v_y2) of balls by name, and the answer."""
+    speed, rebound = drops
+    ids = tuple(map(str, range(len(balls))))
+    labels = {"id": ids, "ball": tuple(map(str, balls))}
+    table = ImpactTable("drops", {"v_y1": speed, "v_y2": rebound}, {}, {}, labels)
+    result = adequacy_of(table, pool={"all": "none"})
+    return {(test.kind, test.pattern) for test in result.tests if test.found}, result.answer
+
+
+def test_balls_listed_in_order_are_no_drift():
+    fallen = np.full(12, 6.9)
+    balls = np.repeat(["B1", "B2", "B3", "B4", "B5", "B6"], 2)
+    risen = np.sqrt(2.0 * 9.81 * 0.01 * np.array(LOT))
+    found, answer = found_in((fallen, risen), balls)
+    assert answer == "describes except"
+    assert {kind for kind, _ in found} <= {"group", "parameter"}
+    assert any(" in ball " in pattern for _, pattern in found)
+
+
+@pytest.mark.parametrize("order", ["in order", "in turn"])
+def test_a_drift_is_found_whatever_the_order_of_balls(order):
+    """Restitution falls while each ball is dropped, or over the session with balls in turn."""
+    rng = np.random.default_rng(3)
+    balls = np.repeat(list("abcd"), 6) if order == "in order" else np.tile(list("abcd"), 6)
+    step = np.tile(np.arange(6.0), 4) if order == "in order" else np.arange(24.0) / 4.0
+    speed = rng.permutation(np.linspace(5.0, 7.0, 24))
+    rebound = (0.76 - 0.01 * step) * speed + 0.02 * rng.standard_normal(24)
+    found, answer = found_in((speed, rebound), balls)
+    assert answer == "does not describe"
+    assert "row" in {kind for kind, _ in found}
+    wanted = "rows of each ball" if order == "in order" else "along the rows"
+    assert all(wanted in pattern for kind, pattern in found if kind == "row")
+
+
 def test_every_kind_of_test_has_a_remedy():
     assert REMEDIES.keys() == module.KIND_SHARES.keys()

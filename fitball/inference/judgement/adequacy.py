@@ -24,7 +24,14 @@ from fitball.inference.derived import Quantity
 from fitball.inference.judgement import adequacy_words as words
 from fitball.inference.judgement.first_order import FirstOrder, slopes_of_all
 from fitball.inference.judgement.noise_tests import growth_test, linked_tests, outlier_tests
-from fitball.inference.judgement.patterns import covariates, drifts, groups_of, slip_shape, trends
+from fitball.inference.judgement.patterns import (
+    Drift,
+    covariates,
+    drifts,
+    groups_of,
+    slip_shape,
+    trends,
+)
 from fitball.inference.judgement.residuals import (
     OBJECTION_CHANCE,
     FitResiduals,
@@ -178,8 +185,9 @@ def _pattern_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     shapes = [
         *(("trend", text, shape) for text, shape in trends(problem)),
         ("bias", "bias in all rows", np.ones(count)),
-        *(("row", text, shape) for text, shape in along_rows),
+        *(("row", drift.text, drift.shape) for drift in along_rows if not drift.column),
         *(("group", f"bias in {column} {label}", inside) for column, label, inside in groups),
+        *(("group", drift.text, drift.shape) for drift in along_rows if drift.column),
     ]
     # A fitted slope of the restitution leaves nearly the same of a bias as of a bend.
     bent = "cor_slope" in map(base_of, first.names)
@@ -194,7 +202,7 @@ def _pattern_tests(fit: FitResiduals) -> Iterator[PatternTest]:
 
 def _parameter_tests(
     fit: FitResiduals,
-    along_rows: Sequence[tuple[str, FloatArray]],
+    along_rows: Sequence[Drift],
     groups: Sequence[tuple[str, str, FloatArray]],
     tested: list[FloatArray],
 ) -> Iterator[PatternTest]:
@@ -213,10 +221,9 @@ def _parameter_tests(
         if [first.names[k] for k in levels] == ["mu"]:
             slope = _friction_pattern(fit, slope)
         if parameter in WEARING_PARAMETERS:
-            for text, shape in along_rows:
-                direction = slope * shape[first.rows]
-                text = f"{parameter}: {text}"
-                yield from tested_pattern(fit, "drift", "", text, direction, tested)
+            # Where labels have values of their own these may be in any order.
+            drifting = [drift for drift in along_rows if not (drift.column and parameter in pooled)]
+            yield from _drift_tests(fit, parameter, slope, drifting, tested)
         if parameter == "mu" and along_rows:
             direction = slope * slip_shape(problem)[first.rows]
             text = "mu: trend with the slip speed"
@@ -230,6 +237,26 @@ def _parameter_tests(
                 if parameter in MAY_DIFFER:
                     text = f"{text} (--pool {parameter}={label})"
                 yield from tested_pattern(fit, "parameter", "", text, direction, tested)
+
+
+def _drift_tests(
+    fit: FitResiduals,
+    parameter: str,
+    slope: FloatArray,
+    along_rows: Sequence[Drift],
+    tested: list[FloatArray],
+) -> Iterator[PatternTest]:
+    """The t tests of a parameter that changes along the rows, or from label to label as these are
+    listed; `slope` (measurements,) is its pattern.
+    """
+    for drift in along_rows:
+        direction = slope * drift.shape[fit.first.rows]
+        text = f"{parameter}: {drift.text}"
+        kind = "drift"
+        if drift.column:
+            kind = "parameter"
+            text = f"{text} (--pool {parameter}={drift.column})"
+        yield from tested_pattern(fit, kind, "", text, direction, tested)
 
 
 def _friction_pattern(fit: FitResiduals, slope: FloatArray) -> FloatArray:

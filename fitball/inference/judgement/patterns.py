@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ LEAST_ROWS_OF_GROUP = 3
 # Groups of a column at most, for them to be tested: all tests share one chance, and each further
 # one takes of the others. Chosen by hand.
 MOST_GROUPS = 40
+# Share of the variance of a line along the rows that labels explain which are listed in order.
+# Chosen by hand: they then explain more of it than what is left.
+SHARE_IN_ORDER = 0.5
 # Difference of the incident state over its size that is rounding of units.
 UNIT_ROUNDING = 1e-9
 
@@ -86,11 +89,48 @@ def groups_of(
                 yield column, str(group), (cell_texts == group).astype(np.float64)
 
 
-def drifts(problem: Problem) -> Iterator[tuple[str, FloatArray]]:
-    """A line along the rows, where there are enough of them: its name and its shape (impacts,)."""
+class Drift(NamedTuple):
+    """A shape (impacts,) along the rows with its name; of a `column` of labels where what it goes
+    along is how these are listed.
+    """
+
+    text: str
+    shape: FloatArray
+    column: str = ""
+
+
+def drifts(problem: Problem) -> Iterator[Drift]:
+    """A line along the rows, where there are enough of them. Where labels are listed in order it
+    is parted: what changes from label to label is no drift, and one within labels remains.
+    """
     count = len(problem.rows.y)
-    if count >= LEAST_ROWS_OF_BEND:
-        yield "drift along the rows", np.arange(float(count)) - 0.5 * (count - 1)
+    if count < LEAST_ROWS_OF_BEND:
+        return
+    line = np.arange(float(count)) - 0.5 * (count - 1)
+    column, between = _in_order(problem.table.labels, line)
+    if not column:
+        yield Drift("drift along the rows", line)
+        return
+    yield Drift(f"trend in {column} as listed", between, column)
+    yield Drift(f"drift along the rows of each {column}", line - between)
+
+
+def _in_order(labels: Mapping[str, Sequence[str]], line: FloatArray) -> tuple[str, FloatArray]:
+    """The column whose labels explain most of a line along the rows (impacts,), with its means over
+    these labels (impacts,); "" where none explains the larger part.
+    """
+    column = ""
+    between = np.zeros(line.size)
+    most = SHARE_IN_ORDER
+    for name, texts in labels.items():
+        groups, which = np.unique(np.array(texts), return_inverse=True)
+        if name == "id" or not 2 <= groups.size <= line.size // 2:
+            continue
+        means = np.bincount(which, line) / np.bincount(which)
+        share = float(np.sum(means[which] ** 2) / np.sum(line**2))
+        if share > most:
+            column, between, most = name, means[which], share
+    return column, between
 
 
 def slip_shape(problem: Problem) -> Annotated[FloatArray, "impacts"]:
