@@ -91,6 +91,13 @@ SHAPES = (
     ),
     Shape("movement.h5", "movement", "save_poses.to_dlc_file", "df_with_missing"),
     Shape("sleap.h5", "movement", "save_poses.to_sleap_analysis_file", "tracks"),
+    Shape("movement.nc", "movement", "Dataset.to_netcdf", "position, confidence (netCDF 4)"),
+    Shape(
+        "labelled.csv",
+        "pandas",
+        "to_csv of pictures labelled in DeepLabCut",
+        "scorer,,,DLC,DLC,DLC",
+    ),
     Shape(
         "dropped.csv", "pandas", "to_csv of a DeepLabCut table after dropna", "scorer,DLC,DLC,DLC"
     ),
@@ -181,7 +188,16 @@ def write_deeplabcut(folder: Path) -> None:
     positions = np.full((COUNT, 2, 1, 1), np.nan)
     positions[FRAME, :, 0, 0] = pixels()
     confidence = np.isfinite(positions[:, 0]).astype(float)
-    film = load_poses.from_numpy(positions, confidence, ["ball"], ["centre"], fps=FPS)
+    film = load_poses.from_numpy(
+        positions,
+        confidence,
+        ["ball"],
+        ["centre"],
+        fps=FPS,
+        # Without a name of it, a dataset cannot be saved in netCDF.
+        source_software="fitball",
+    )
+    film.to_netcdf(folder / "movement.nc")
     for ending in ("csv", "h5"):
         save_poses.to_dlc_file(film, folder / f"movement.{ending}")
     save_poses.to_sleap_analysis_file(film, folder / "sleap.h5")
@@ -196,6 +212,8 @@ def write_deeplabcut(folder: Path) -> None:
     table.loc[FRAME] = np.column_stack([pixels(), np.full(FRAME.size, 0.98)])
     dropped = table.dropna()
     dropped.to_csv(folder / "dropped.csv")
+    pictures = [("labeled-data", "film", f"img{frame:04d}.png") for frame in FRAME.tolist()]
+    dropped.set_axis(pd.MultiIndex.from_tuples(pictures)).to_csv(folder / "labelled.csv")
     dropped.to_hdf(folder / "dropped.h5", key="df_with_missing", format="table", mode="w")
 
 

@@ -28,6 +28,7 @@ from support.trackers import (
     deeplabcut,
     deeplabcut_hdf5,
     labels_of_frames,
+    movement_dataset,
     sleap,
     sleap_hdf5,
     trackmate,
@@ -319,6 +320,35 @@ def test_analysis_files_of_sleap(tmp_path, axes, stated):
         (track,), _ = read(path)
         assert_is_the_bounce(track)
         assert track.frame.tolist() == FRAME.tolist()
+
+
+@pytest.mark.parametrize("in_frames", [True, False])
+@pytest.mark.parametrize(
+    "names",
+    [
+        {},
+        {"animals": ("racket", "ball")},
+        {"parts": ("tip", "ball"), "animals": ("a",)},
+        {"parts": (), "space": "xy"},
+        {"space": "xyz"},
+    ],
+)
+def test_datasets_of_movement(tmp_path, names, in_frames):
+    path = tmp_path / "film.nc"
+    movement_dataset(path, in_frames=in_frames, **names)
+    (track,), notes = read(path, fps=FPS if in_frames else None)
+    assert_is_the_bounce(track)
+    assert "rows-counted" not in notes
+    is_chosen = any(len(names.get(level, ())) > 1 for level in ("animals", "parts"))
+    assert ("objects" in notes) == is_chosen
+
+
+def test_older_netcdf_is_named(tmp_path):
+    path = tmp_path / "film.nc"
+    path.write_bytes(b"CDF\2" + bytes(100))
+    error = refused(path)
+    assert error.code == "other-format"
+    assert "xarray" in str(error)
 
 
 def test_what_a_pickle_names_is_never_run(tmp_path):

@@ -1,6 +1,7 @@
-"""Positions in HDF5, as SLEAP and DeepLabCut write them, read to the cells of a table.
+"""Positions in HDF5, as SLEAP, movement (`.nc`) and DeepLabCut write them, read to the cells of a
+table.
 
-Both are read as arrays. DeepLabCut writes by pandas and PyTables, whose attributes are pickles:
+All are read as arrays. DeepLabCut writes by pandas and PyTables, whose attributes are pickles:
 names of columns are read from these without anything that a pickle could run.
 """
 
@@ -53,8 +54,15 @@ class _Columns(NamedTuple):
     above: list[list[str]]
 
 
+class _Clock(NamedTuple):
+    """The numbers (frames,) of a clock, and the name of its column."""
+
+    name: str
+    numbers: FloatArray
+
+
 def cells_of_hdf5(source: str, data: bytes) -> TableCells | None:
-    """The cells of positions of SLEAP or DeepLabCut, None of another file in HDF5.
+    """The cells of positions of SLEAP, movement or DeepLabCut, None of another file in HDF5.
 
     Raises:
         InputError: The file is damaged (`other-format`), or too large (`too-large`).
@@ -63,7 +71,13 @@ def cells_of_hdf5(source: str, data: bytes) -> TableCells | None:
 
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
-            found = _of_sleap(source, file) if "tracks" in file else _of_deeplabcut(source, file)
+            found: _Columns | None
+            if "tracks" in file:
+                found = _of_sleap(source, file)
+            elif "position" in file:
+                found = _of_movement(source, file)
+            else:
+                found = _of_deeplabcut(source, file)
     except _DAMAGED as error:
         words = f"is a file in HDF5 that h5py cannot read ({one_line(str(error))}); save it as CSV"
         raise refusal(source, "other-format", words) from None
@@ -75,35 +89,83 @@ def cells_of_hdf5(source: str, data: bytes) -> TableCells | None:
 
 
 def _of_sleap(source: str, file: File) -> _Columns:
-    """The columns of an analysis file of SLEAP: `frame`, `track`, and `NODE.x`, `NODE.y`,
-    `NODE.score` of each node; frames of a track that show nothing are left out.
-    """
+    """The columns of an analysis file of SLEAP. Raises InputError (`too-large`)."""
     positions = _with_axes(source, file["tracks"], _SLEAP_AXES)
     count, _, nodes, frames = positions.shape
     scores = np.full((count, nodes, frames), np.nan)
     if "point_scores" in file:
         scores = _with_axes(source, file["point_scores"], ("track", "node", "frame"))
     tracks = _names(file, "track_names", count) or [f"track_{k}" for k in range(count)]
-    names = ["frame", "track"]
-    columns: list[list[CellArray]] = [[], []]
-    for node in _names(file, "node_names", nodes) or [f"node_{k}" for k in range(nodes)]:
-        names += [f"{node}.x", f"{node}.y", f"{node}.score"]
-        columns += [[], [], []]
+    parts = _names(file, "node_names", nodes) or [f"node_{k}" for k in range(nodes)]
+    clock = _Clock("frame", np.arange(float(frames)))
+    return _of_instances(clock, tracks, parts, positions, scores)
+
+
+def _of_movement(source: str, file: File) -> _Columns:
+    """The columns of a dataset of movement, whose time is that of frames or in seconds. Raises
+    InputError (`too-large`).
+    """
+    axes = _axes_of_scales(file["position"])
+    usual = ["individuals", "space", *(["keypoints"] if "keypoints" in axes else []), "time"]
+    positions = _with_axes(source, file["position"], tuple(usual), axes)
+    usual.remove("space")
+    scores = np.full([positions.shape[0], *positions.shape[2:]], np.nan)
+    if "confidence" in file:
+        confidence = file["confidence"]
+        scores = _with_axes(source, confidence, tuple(usual), _axes_of_scales(confidence))
+    if "keypoints" not in axes:
+        # Boxes are of one part.
+        positions = positions[:, :, None]
+        scores = scores[:, None]
+    count, _, nodes, _ = positions.shape
+    parts = _names(file, "keypoints", nodes) if "keypoints" in axes else ["centre"]
+    tracks = _names(file, "individuals", count)
+    is_counted = _text(file.attrs.get("time_unit", "")) == "frames"
+    name = "frame" if is_counted else "t [s]"
+    clock = _Clock(name, np.asarray(_values(source, file["time"]), dtype=np.float64))
+    return _of_instances(clock, tracks, parts, positions, scores)
+
+
+def _axes_of_scales(dataset: Dataset) -> tuple[str, ...]:
+    """The names of the axes of a dataset of netCDF, as those of its scales."""
+    return tuple(axis[0].name.rpartition("/")[2] for axis in dataset.dims)
+
+
+def _of_instances(
+    clock: _Clock,
+    tracks: Sequence[str],
+    parts: Sequence[str],
+    positions: Annotated[FloatArray, "tracks axes parts frames"],
+    scores: Annotated[FloatArray, "tracks parts frames"],
+) -> _Columns:
+    """The columns of a clock, `track`, and `PART.x`, `PART.y`, `PART.score` of each part, with
+    `PART.z` where there are three axes; frames of a track that show nothing are left out.
+    """
+    names = [clock.name, "track"]
+    for part in parts:
+        names += [*(f"{part}.{axis}" for axis in "xyz"[: positions.shape[1]]), f"{part}.score"]
+    columns: list[list[CellArray]] = [[] for _ in names]
     for k, track in enumerate(tracks):
         seen = np.flatnonzero(np.isfinite(positions[k]).any(axis=(0, 1)))
-        columns[0].append(seen.astype(np.float64))
-        columns[1].append(texts_of([track] * seen.size))
-        for number in range(nodes):
-            columns[2 + 3 * number].append(positions[k, 0, number, seen])
-            columns[3 + 3 * number].append(positions[k, 1, number, seen])
-            columns[4 + 3 * number].append(scores[k, number, seen])
+        of_track: list[CellArray] = [clock.numbers[seen], texts_of([track] * seen.size)]
+        for number in range(len(parts)):
+            of_track += [*positions[k, :, number, seen].T, scores[k, number, seen]]
+        for column, piece in zip(columns, of_track, strict=True):
+            column.append(piece)
     return _Columns(names, [np.concatenate(pieces) for pieces in columns], [])
 
 
-def _with_axes(source: str, dataset: Dataset, usual: tuple[str, ...]) -> FloatArray:
-    """The numbers of a dataset, its axes in the usual order. Raises InputError (`too-large`)."""
+def _with_axes(
+    source: str,
+    dataset: Dataset,
+    usual: tuple[str, ...],
+    axes: tuple[str, ...] = (),
+) -> FloatArray:
+    """The numbers of a dataset, its axes in the usual order: they are `axes`, or as it states.
+    Raises InputError (`too-large`).
+    """
     stated = dataset.attrs.get("dims")
-    axes = usual if stated is None else tuple(json.loads(stated))
+    axes = axes or (usual if stated is None else tuple(json.loads(stated)))
     numbers_of = np.asarray(_values(source, dataset), dtype=np.float64)
     return np.transpose(numbers_of, [axes.index(axis) for axis in usual])
 

@@ -10,6 +10,7 @@
 | DeepLabCut | three or four rows of names (`levels`), or `.h5` (`hdf5`) | a frame of all parts |
 | SLEAP | `frame_idx`, `track`, `NODE.x, NODE.y`, or `.h5` | a frame of an instance |
 | MTrack2, MOTChallenge | `Frame, X1, Y1, Flag1, X2`, or none (`plain_texts`) | a frame, or a box |
+| movement | a dataset in `.nc` (`hdf5`) | a frame of all individuals |
 | recordings of markers | `NAME X, NAME Y, NAME Z`, or `.c3d` (`c3d`) | a frame of all markers |
 """
 
@@ -43,7 +44,7 @@ from fitball.tracks.types import Track
 # The ending of recordings of markers.
 _C3D = ".c3d"
 # Endings of files that are no text and may have positions.
-_BINARY = (".h5", ".hdf5", ".hdf", _C3D)
+_BINARY = (".h5", ".hdf5", ".hdf", ".nc", _C3D)
 # Endings of texts that may be no table with a header.
 _TEXTS = (".txt", ".csv", ".tsv", ".xls")
 # A length with its unit: `66mm`.

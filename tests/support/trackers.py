@@ -135,6 +135,42 @@ def deeplabcut_hdf5(path, table, names_of_columns=None):
         dataset.attrs["values_block_0_kind"] = np.bytes_(names_of_columns or names)
 
 
+def movement_dataset(path, animals=("ball",), parts=("centre",), in_frames=False, space="xy"):
+    """Write a dataset of movement as xarray does in netCDF 4: axes have scales that name them.
+    Without parts it is of boxes.
+    """
+    positions = np.zeros((COUNT, len(space), len(parts) or 1, len(animals)))
+    for k, animal in enumerate(animals):
+        for j, part in enumerate(parts or ("",)):
+            positions[:, :2, j, k] = RACKET
+            if "ball" in (animal, part):
+                positions[:, :, j, k] = np.nan
+                positions[FRAME, :2, j, k] = np.column_stack([X, Y])
+                positions[FRAME, 2:, j, k] = 0.0
+    axes = {
+        "time": COUNT,
+        "space": len(space),
+        "keypoints": len(parts),
+        "individuals": len(animals),
+    }
+    if not parts:
+        positions = positions[:, :, 0]
+        del axes["keypoints"]
+    names = {"space": [*space], "keypoints": [*parts], "individuals": [*animals]}
+    with h5py.File(path, "w") as file:
+        file.attrs["time_unit"] = np.bytes_("frames" if in_frames else "seconds")
+        for axis in axes:
+            number = np.arange(COUNT) / (1.0 if in_frames else FPS)
+            file[axis] = number if axis == "time" else [name.encode() for name in names[axis]]
+            file[axis].make_scale(axis)
+        confidence = 0.97 * np.isfinite(positions[:, 0])
+        for name, values in (("position", positions), ("confidence", confidence)):
+            file[name] = values
+            of_values = [axis for axis in axes if name == "position" or axis != "space"]
+            for k, axis in enumerate(of_values):
+                file[name].dims[k].attach_scale(file[axis])
+
+
 def trackmate():
     """The text of a table of spots of TrackMate: four header rows, a number of each spot."""
     lines = [
