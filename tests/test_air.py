@@ -2,103 +2,161 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from fitball.base import air
 from fitball.base.itf import GRAVITY
 from fitball.base.values import Ball
 
-TENNIS = 0.55 * air.braking_per_drag(Ball(), {})
-TABLE_TENNIS = 0.445 * air.braking_per_drag(Ball(0.0027, 0.02, 2.0 / 3.0), {})
+TWICE_G = 2.0 * GRAVITY
+TENNIS_BALL = Ball()
+TABLE_TENNIS_BALL = Ball(0.0027, 0.02, 2.0 / 3.0)
+# Of balls with the drag of a tennis ball and of a smooth sphere [1/m].
+TENNIS = 0.55 * air.braking_per_drag(TENNIS_BALL, {})
+TABLE_TENNIS = 0.445 * air.braking_per_drag(TABLE_TENNIS_BALL, {})
+BALLS = pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS])
 
 
-def integrated(start, end, braking, sign):
-    """The speed after moving from one height to another, by v dv/dh = -g - sign s v^2/2 upwards."""
+def speed_after(start, end, speed, braking, sign):
+    """The speed at a height `end` of a ball that had a `speed` at the height `start`: by v dv/dh =
+    -g - sign s v^2/2, upwards with the sign 1 and downwards with -1.
+    """
 
     def slope(_, squares):
-        return -2.0 * GRAVITY - sign * braking * squares
+        return -TWICE_G - sign * braking * squares
 
-    solution = solve_ivp(slope, *start, t_eval=[end], rtol=1e-11, atol=1e-12)
-    return float(np.sqrt(solution.y[0, -1]))
+    solution = solve_ivp(
+        slope,
+        (start, end),
+        [speed**2],
+        rtol=1e-11,
+        atol=1e-12,
+    )
+    return np.sqrt(solution.y[0, -1])
 
 
-@pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS])
+@BALLS
 @pytest.mark.parametrize("height", [0.3, 1.0, 2.54, 10.0])
-def test_falls_and_rises_are_those_of_an_integration(height, braking):
-    landing = integrated(((height, 0.0), [0.0]), 0.0, braking, -1.0)
-    assert air.landing_speed(height, braking) == pytest.approx(landing, rel=1e-9)
-    start = float(air.launch_speed(height, braking))
-    top = integrated(((0.0, 0.999 * height), [start**2]), 0.999 * height, braking, 1.0)
-    left = air.launch_speed(0.001 * height, braking)
-    assert top == pytest.approx(float(left), rel=1e-6)
+def test_falls_are_those_of_an_integration(height, braking):
+    landing = air.landing_speed(height, braking)
+    integrated = speed_after(height, 0.0, 0.0, braking, -1.0)
+    assert_allclose(landing, integrated, rtol=1e-9)
 
 
-@pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS])
+@BALLS
+@pytest.mark.parametrize("height", [0.3, 1.0, 2.54, 10.0])
+def test_rises_are_those_of_an_integration(height, braking):
+    """Just below the top a ball is as fast as one that has only the rest to rise."""
+    nearly = 0.999 * height
+    launch = float(air.launch_speed(height, braking))
+    integrated = speed_after(0.0, nearly, launch, braking, 1.0)
+    of_the_rest = air.launch_speed(0.001 * height, braking)
+    assert_allclose(integrated, of_the_rest, rtol=1e-6)
+
+
+@BALLS
 def test_heights_and_speeds_are_inverse(braking):
     heights = np.array([0.01, 0.5, 2.54, 12.0])
-    back = air.drop_height(air.landing_speed(heights, braking), braking)
-    assert back == pytest.approx(heights, rel=1e-12)
-    back = air.rebound_height(air.launch_speed(heights, braking), braking)
-    assert back == pytest.approx(heights, rel=1e-12)
+    landing = air.landing_speed(heights, braking)
+    dropped = air.drop_height(landing, braking)
+    assert_allclose(dropped, heights, rtol=1e-12)
+    launch = air.launch_speed(heights, braking)
+    risen = air.rebound_height(launch, braking)
+    assert_allclose(risen, heights, rtol=1e-12)
 
 
 def test_without_air_speeds_are_those_of_free_fall():
-    free = np.sqrt(2.0 * GRAVITY * 2.54)
-    assert air.landing_speed(2.54, 1e-12) == pytest.approx(free, rel=1e-12)
-    assert air.launch_speed(2.54, 1e-12) == pytest.approx(free, rel=1e-12)
-    # Half of the first order: v^2 = 2 g h (1 -+ s h/2).
-    assert air.landing_speed(1.0, 1e-3) ** 2 == pytest.approx(2.0 * GRAVITY * (1 - 5e-4), rel=1e-6)
-    assert air.launch_speed(1.0, 1e-3) ** 2 == pytest.approx(2.0 * GRAVITY * (1 + 5e-4), rel=1e-6)
+    free = np.sqrt(TWICE_G * 2.54)
+    landing = air.landing_speed(2.54, 1e-12)
+    launch = air.launch_speed(2.54, 1e-12)
+    assert_allclose(landing, free, rtol=1e-12)
+    assert_allclose(launch, free, rtol=1e-12)
+
+
+def test_a_little_air_counts_to_first_order():
+    """From 1 m v^2 = 2 g h (1 -+ s h/2)."""
+    half = 0.5e-3
+    landing = air.landing_speed(1.0, 1e-3)
+    launch = air.launch_speed(1.0, 1e-3)
+    assert_allclose(landing**2, TWICE_G * (1.0 - half), rtol=1e-6)
+    assert_allclose(launch**2, TWICE_G * (1.0 + half), rtol=1e-6)
 
 
 def flown(speed, braking):
     """Time and landing speed of a ball thrown up at a speed, by dv/dt = -g - s |v| v/2."""
 
     def slope(_, state):
-        return [state[1], -GRAVITY - 0.5 * braking * abs(state[1]) * state[1]]
+        _, v = state
+        pull = 0.5 * braking * abs(v) * v
+        return [v, -GRAVITY - pull]
 
     def lands(_, state):
         return state[0]
 
     lands.terminal = True
     lands.direction = -1.0
-    flight = solve_ivp(slope, (0.0, 20.0), [0.0, speed], events=lands, rtol=1e-11, atol=1e-13)
-    return flight.t_events[0][-1], -flight.y_events[0][-1, 1]
+    flight = solve_ivp(
+        slope,
+        (0.0, 20.0),
+        [0.0, speed],
+        events=lands,
+        rtol=1e-11,
+        atol=1e-13,
+    )
+    (times,) = flight.t_events
+    (states,) = flight.y_events
+    _, velocity = states[-1]
+    return times[-1], -velocity
 
 
-@pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS])
+@BALLS
 @pytest.mark.parametrize("speed", [0.5, 2.7, 7.0, 25.0])
 def test_flights_are_those_of_an_integration(speed, braking):
     time, landing = flown(speed, braking)
-    assert air.flight_time(speed, braking) == pytest.approx(time, rel=1e-8)
-    assert air.landing_of_launch(speed, braking) == pytest.approx(landing, rel=1e-8)
-    assert air.launch_of_flight(time, braking) == pytest.approx(speed, rel=1e-8)
-    assert air.launch_of_landing(landing, braking) == pytest.approx(speed, rel=1e-7)
+    time_of_launch = air.flight_time(speed, braking)
+    landing_of_launch = air.landing_of_launch(speed, braking)
+    launch_of_time = air.launch_of_flight(time, braking)
+    launch_of_landing = air.launch_of_landing(landing, braking)
+    assert_allclose(time_of_launch, time, rtol=1e-8)
+    assert_allclose(landing_of_launch, landing, rtol=1e-8)
+    assert_allclose(launch_of_time, speed, rtol=1e-8)
+    assert_allclose(launch_of_landing, speed, rtol=1e-7)
 
 
 def test_flights_agree_with_heights():
     """A flight is a rise to a height and a fall from there."""
     speeds = np.array([1.0, 5.0, 15.0])
     tops = air.rebound_height(speeds, TABLE_TENNIS)
-    landing = air.landing_speed(tops, TABLE_TENNIS)
-    assert air.landing_of_launch(speeds, TABLE_TENNIS) == pytest.approx(landing, rel=1e-12)
+    fallen = air.landing_speed(tops, TABLE_TENNIS)
+    flown_through = air.landing_of_launch(speeds, TABLE_TENNIS)
+    assert_allclose(flown_through, fallen, rtol=1e-12)
 
 
 @pytest.mark.parametrize("time", [0.01, 0.5, 3.0, 6.0])
-def test_speeds_of_flights_are_inverse(time):
-    for braking in (TENNIS, TABLE_TENNIS, 1e-9):
-        speed = air.launch_of_flight(time, braking)
-        assert air.flight_time(speed, braking) == pytest.approx(time, rel=1e-12)
-    assert air.launch_of_flight(time, 1e-9) == pytest.approx(0.5 * GRAVITY * time, rel=1e-6)
+@pytest.mark.parametrize("braking", [TENNIS, TABLE_TENNIS, 1e-9])
+def test_speeds_of_flights_are_inverse(time, braking):
+    speed = air.launch_of_flight(time, braking)
+    again = air.flight_time(speed, braking)
+    assert_allclose(again, time, rtol=1e-12)
+
+
+@pytest.mark.parametrize("time", [0.01, 0.5, 3.0, 6.0])
+def test_flights_without_air_begin_at_half_of_g_t(time):
+    speed = air.launch_of_flight(time, 1e-9)
+    assert_allclose(speed, 0.5 * GRAVITY * time, rtol=1e-6)
 
 
 def test_no_ball_lands_faster_than_it_can_fall():
-    terminal = np.sqrt(2.0 * GRAVITY / TABLE_TENNIS)
-    assert air.landing_speed(50.0, TABLE_TENNIS) == pytest.approx(terminal, rel=1e-3)
-    assert air.landing_speed(50.0, TABLE_TENNIS) < terminal
+    terminal = np.sqrt(TWICE_G / TABLE_TENNIS)
+    landing = air.landing_speed(50.0, TABLE_TENNIS)
+    assert landing < terminal
+    assert_allclose(landing, terminal, rtol=1e-3)
 
 
 def test_the_density_of_dry_air():
     """ISO 2533: 1.225 kg/m^3 at 15 degrees Celsius and sea level."""
-    assert air.density({"temperature": 15.0}) == pytest.approx(1.225, rel=1e-3)
-    assert air.density({"density": 0.9, "temperature": 15.0}) == 0.9
+    at_15_degrees = air.density({"temperature": 15.0})
+    assert_allclose(at_15_degrees, 1.225, rtol=1e-3)
+    stated = {"density": 0.9, "temperature": 15.0}
+    assert air.density(stated) == 0.9

@@ -22,6 +22,8 @@ from numpy.typing import ArrayLike
 from fitball.base.itf import GRAVITY
 from fitball.base.values import Ball, FloatArray
 
+# Twice the acceleration of free fall [m/s^2]: v^2 = 2 g h.
+_TWICE_G = 2.0 * GRAVITY
 # Gas constant of dry air [J/(kg K)].
 _GAS_CONSTANT = 287.05
 # Zero degrees Celsius [K].
@@ -56,53 +58,85 @@ def density(air: Mapping[str, float]) -> float:
     """
     if not air:
         return _USUAL_DENSITY
-    kelvin = air.get("temperature", _USUAL_TEMPERATURE) + _ZERO_CELSIUS
-    dry = air.get("pressure", _USUAL_PRESSURE) / (_GAS_CONSTANT * kelvin)
+    celsius = air.get("temperature", _USUAL_TEMPERATURE)
+    pressure = air.get("pressure", _USUAL_PRESSURE)
+    kelvin = celsius + _ZERO_CELSIUS
+    dry = pressure / (_GAS_CONSTANT * kelvin)
     return air.get("density", dry)
 
 
 def braking_per_drag(ball: Ball, air: Mapping[str, float]) -> float:
     """What a drag coefficient of one brakes: s/C_d = rho pi R^2/m [1/m]."""
-    return density(air) * pi * ball.radius**2 / ball.mass
+    area = pi * ball.radius**2
+    return density(air) * area / ball.mass
 
 
-def landing_speed(height: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
+def _numbers(values: ArrayLike) -> FloatArray:
+    """The values as an array of numbers."""
+    return np.asarray(values, dtype=np.float64)
+
+
+def landing_speed(
+    height: ArrayLike,
+    braking: ArrayLike,
+) -> Annotated[FloatArray, "..."]:
     """Speed [m/s] at which a ball lands that falls from rest by a height [m]; shapes broadcast."""
-    s = np.asarray(braking, dtype=np.float64)
-    return np.asarray(np.sqrt(-2.0 * GRAVITY * np.expm1(-s * np.asarray(height)) / s))
+    s = _numbers(braking)
+    sh = s * _numbers(height)
+    squares = -_TWICE_G * np.expm1(-sh) / s
+    return _numbers(np.sqrt(squares))
 
 
-def drop_height(speed: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
+def drop_height(
+    speed: ArrayLike,
+    braking: ArrayLike,
+) -> Annotated[FloatArray, "..."]:
     """Height [m] from which a ball falls that lands at a speed [m/s], below the terminal one;
     shapes broadcast.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    return np.asarray(-np.log1p(-s * np.square(speed) / (2.0 * GRAVITY)) / s)
+    s = _numbers(braking)
+    squared_share = s * np.square(speed) / _TWICE_G
+    sh = -np.log1p(-squared_share)
+    return _numbers(sh / s)
 
 
-def launch_speed(height: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
+def launch_speed(
+    height: ArrayLike,
+    braking: ArrayLike,
+) -> Annotated[FloatArray, "..."]:
     """Speed [m/s] at which a ball leaves the ground that rises to a height [m]; shapes
     broadcast.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    return np.asarray(np.sqrt(2.0 * GRAVITY * np.expm1(s * np.asarray(height)) / s))
+    s = _numbers(braking)
+    sh = s * _numbers(height)
+    squares = _TWICE_G * np.expm1(sh) / s
+    return _numbers(np.sqrt(squares))
 
 
-def rebound_height(speed: ArrayLike, braking: ArrayLike) -> Annotated[FloatArray, "..."]:
+def rebound_height(
+    speed: ArrayLike,
+    braking: ArrayLike,
+) -> Annotated[FloatArray, "..."]:
     """Height [m] to which a ball rises that leaves the ground at a speed [m/s]; shapes
     broadcast.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    return np.asarray(np.log1p(s * np.square(speed) / (2.0 * GRAVITY)) / s)
+    s = _numbers(braking)
+    squared_share = s * np.square(speed) / _TWICE_G
+    sh = np.log1p(squared_share)
+    return _numbers(sh / s)
 
 
 def flight_time(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
     """Time [s] from leaving the ground at a speed [m/s] until the ball is back on it; shapes
     broadcast.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    u = np.asarray(speed) * np.sqrt(s / (2.0 * GRAVITY))
-    return np.asarray(np.sqrt(2.0 / (GRAVITY * s)) * (np.arctan(u) + np.arcsinh(u)))
+    s = _numbers(braking)
+    u = _numbers(speed) * np.sqrt(s / _TWICE_G)
+    # Of the terminal speed V: V/g.
+    unit = np.sqrt(2.0 / (GRAVITY * s))
+    up = np.arctan(u)
+    down = np.arcsinh(u)
+    return _numbers(unit * (up + down))
 
 
 def launch_of_flight(time: ArrayLike, braking: ArrayLike) -> FloatArray:
@@ -110,42 +144,57 @@ def launch_of_flight(time: ArrayLike, braking: ArrayLike) -> FloatArray:
     broadcast. No formula has it: arctan(u) + arsinh(u) = t g/V is solved by Newton's method, which
     comes to the solution from below, since the left side grows ever more slowly.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    wanted = np.asarray(time) * np.sqrt(0.5 * GRAVITY * s)
+    s = _numbers(braking)
+    wanted = _numbers(time) * np.sqrt(0.5 * GRAVITY * s)
     u = 0.5 * wanted
     for _ in range(_STEPS):
         left = np.arctan(u) + np.arcsinh(u)
-        slope = 1.0 / (1.0 + u**2) + 1.0 / np.sqrt(1.0 + u**2)
+        squares = 1.0 + u**2
+        slope = 1.0 / squares + 1.0 / np.sqrt(squares)
         u = u + (wanted - left) / slope
-    return np.asarray(u * np.sqrt(2.0 * GRAVITY / s))
+    terminal = np.sqrt(_TWICE_G / s)
+    return _numbers(u * terminal)
 
 
 def landing_of_launch(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
     """Speed [m/s] at which a ball lands that left the ground at a speed [m/s]; shapes broadcast."""
-    s = np.asarray(braking, dtype=np.float64)
-    v = np.asarray(speed)
-    return np.asarray(v / np.sqrt(1.0 + s * v**2 / (2.0 * GRAVITY)))
+    s = _numbers(braking)
+    v = _numbers(speed)
+    squared_share = s * v**2 / _TWICE_G
+    return _numbers(v / np.sqrt(1.0 + squared_share))
 
 
 def launch_of_landing(speed: ArrayLike, braking: ArrayLike) -> FloatArray:
     """Speed [m/s] at which a ball left the ground that lands at a speed [m/s], below the terminal
     one; shapes broadcast.
     """
-    s = np.asarray(braking, dtype=np.float64)
-    v = np.asarray(speed)
-    return np.asarray(v / np.sqrt(1.0 - s * v**2 / (2.0 * GRAVITY)))
+    s = _numbers(braking)
+    v = _numbers(speed)
+    squared_share = s * v**2 / _TWICE_G
+    return _numbers(v / np.sqrt(1.0 - squared_share))
 
 
-def landing_of_same_time(speed: ArrayLike, usual: ArrayLike, braking: ArrayLike) -> FloatArray:
+def landing_of_same_time(
+    speed: ArrayLike,
+    usual: ArrayLike,
+    braking: ArrayLike,
+) -> FloatArray:
     """Landing speed [m/s] with a `braking` of a flight that lasts as long as one that lands at a
     speed [m/s] with the `usual` braking; shapes broadcast.
     """
-    time = flight_time(launch_of_landing(speed, usual), usual)
-    return landing_of_launch(launch_of_flight(time, braking), braking)
+    usual_launch = launch_of_landing(speed, usual)
+    time = flight_time(usual_launch, usual)
+    launch = launch_of_flight(time, braking)
+    return landing_of_launch(launch, braking)
 
 
-def launch_of_same_time(speed: ArrayLike, usual: ArrayLike, braking: ArrayLike) -> FloatArray:
+def launch_of_same_time(
+    speed: ArrayLike,
+    usual: ArrayLike,
+    braking: ArrayLike,
+) -> FloatArray:
     """Speed [m/s] at which a flight with a `braking` starts that lasts as long as one that starts
     at a speed [m/s] with the `usual` braking; shapes broadcast.
     """
-    return launch_of_flight(flight_time(speed, usual), braking)
+    time = flight_time(speed, usual)
+    return launch_of_flight(time, braking)
