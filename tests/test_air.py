@@ -160,3 +160,13 @@ def test_the_density_of_dry_air():
     assert_allclose(at_15_degrees, 1.225, rtol=1e-3)
     stated = {"density": 0.9, "temperature": 15.0}
     assert air.density(stated) == 0.9
+
+
+@BALLS
+def test_derivatives_may_be_taken_by_complex_steps(braking):
+    """As predictions of heights take them: against differences."""
+    step = 1e-6
+    for function in (air.landing_speed, air.rebound_height, air.launch_of_flight):
+        slope = function(1.5 + 1e-20j, braking).imag / 1e-20
+        change = function(1.5 + step, braking) - function(1.5 - step, braking)
+        assert_allclose(slope, change / (2.0 * step), rtol=1e-7)

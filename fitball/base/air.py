@@ -72,8 +72,8 @@ def braking_per_drag(ball: Ball, air: Mapping[str, float]) -> float:
 
 
 def _numbers(values: ArrayLike) -> FloatArray:
-    """The values as an array of numbers."""
-    return np.asarray(values, dtype=np.float64)
+    """The values as an array, complex ones too: derivatives are taken by complex steps."""
+    return np.asarray(values)
 
 
 def landing_speed(
