@@ -59,6 +59,17 @@ def test_the_fit_and_its_verdict_are_the_same(fits):
         assert mirrored.derived[name].point == pytest.approx(quantity.point, rel=1e-9), name
 
 
+def test_topspin_that_is_positive_to_either_side_is_seen():
+    """The reading is proposed, and names the spins; of a table that is read well nothing is."""
+    columns = columns_of(SIDE)
+    assert fitball.check(columns).frames["doubts"].empty
+    for name in ("omega_1", "omega_2"):
+        columns[name] = SIDE * columns[name]
+    ((reading, *_),) = fitball.check(columns).frames["doubts"].to_numpy().tolist()
+    assert "omega_1 and omega_2" in reading
+    assert "negative v_x" in reading
+
+
 def test_predictions_of_its_rows_are_mirror_images(fits):
     plain, mirrored = (fit.predictions for fit in fits)
     side = SIDE[plain["row"]]

@@ -246,6 +246,7 @@ def _weighed(
 def _readings(columns: Columns, units: Mapping[str, str], ball: Ball) -> Iterator[Doubt]:
     """Other readings of these columns that make sense."""
     yield from _with_other_signs(columns)
+    yield from _with_topspin_positive(columns)
     yield from _in_units(columns, units)
     yield from _swapped(columns)
     unsigned = []
@@ -300,6 +301,21 @@ def _with_other_signs(columns: Columns) -> Iterator[Doubt]:
     for names in _singles_and_pairs(angles):
         turned = {**columns, **{name: np.pi / 2.0 - columns[name] for name in names}}
         yield Doubt(f"{listed(names)} measured from the normal", turned, "zero", names)
+
+
+def _with_topspin_positive(columns: Columns) -> Iterator[Doubt]:
+    """Spins whose sign is that of topspin to whichever side a ball flies, where balls fly to
+    both.
+    """
+    v_x1 = motion(columns).get("v_x1", np.zeros(1))
+    names = [name for name in ("omega_1", "omega_2") if np.any(columns.get(name, 0.0))]
+    if not (v_x1.min() < 0.0 < v_x1.max() and names):
+        return
+    side = np.where(v_x1 < 0.0, -1.0, 1.0)
+    turned = {**columns, **{name: side * columns[name] for name in names}}
+    words = f"topspin positive in {listed(names)} of balls that fly towards negative v_x"
+    remedy = f"change the signs of {listed(names)} in these rows"
+    yield Doubt(words, turned, "side", remedy=remedy)
 
 
 def _in_units(columns: Columns, units: Mapping[str, str]) -> Iterator[Doubt]:

@@ -84,6 +84,9 @@ def bounced(
     fly towards positive v_x. The arguments are those of `Model.evaluate`; all rebounds come from
     here.
     """
+    # The usual case, in a tenth of the time.
+    if (impacts.v_x1 >= FULL_OFFSET * impacts.v_y1).all():
+        return solve(ball, names, values, impacts, cor)
     travel = travel_of(impacts)
     rebound = solve(ball, names, values, travel.forwards, cor)
     arrays = vars(rebound)
