@@ -78,6 +78,33 @@ def test_results_of_mtrack2_whose_trailing_blanks_were_cut(tmp_path):
     assert_is_the_bounce(track)
 
 
+def test_results_of_mtrack2_as_spreadsheets_write_them(tmp_path):
+    text = mtrack2([RACKET_BY_FRAME, BALL_BY_FRAME])
+    words = {
+        "Tracks 1 to 2": "Tracks,1,to,2,,,",
+        "\t": ",",
+        "Distance traveled": "Distance,traveled",
+    }
+    for their, other in words.items():
+        text = text.replace(their, other)
+    _, ball = read(tmp_path, text)[0]
+    assert_is_the_bounce(ball)
+
+
+def test_blanks_in_place_of_tabs_lose_the_tracks_of_mtrack2(tmp_path):
+    """One track alone has its places; of several it is not known whose they are."""
+
+    def with_blanks(tracks):
+        return "\n".join(" ".join(line.split()) for line in mtrack2(tracks).splitlines())
+
+    (track,), _ = read(tmp_path, with_blanks([BALL_BY_FRAME]))
+    assert_is_the_bounce(track)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, with_blanks([RACKET_BY_FRAME, BALL_BY_FRAME]))
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.line) == ("row-length", 1)
+
+
 def test_a_fault_of_mtrack2_is_told_by_its_line(tmp_path):
     lines = mtrack2([RACKET_BY_FRAME]).splitlines()
     lines[2] = "1\tx300\t400\t "

@@ -12,12 +12,13 @@ import numpy as np
 
 from fitball.base.errors import Note
 from fitball.data.cells import TableCells, texts_of
-from fitball.data.records import NUMBER, check_shape
+from fitball.data.records import NUMBER, check_shape, refusal
 
 # The header of MTrack2, with the sign between its cells.
-_MTRACK2 = re.compile(r"Frame(?P<sign>[\t,;])\s*X1(?P=sign)\s*Y1(?P=sign)\s*Flag1\b.*")
-# The line above each of its blocks, with the number of the first track there.
-_BLOCK = re.compile(r"Tracks (?P<first>\d+) to \d+\W*")
+_MTRACK2 = re.compile(r"Frame(?P<sign>[\t,;]| +)\s*X1(?P=sign)\s*Y1(?P=sign)\s*Flag1\b(?P<more>.*)")
+# The line above each of its blocks, with the number of the first track there; spreadsheets put its
+# words into cells.
+_BLOCK = re.compile(r"Tracks\W+(?P<first>\d+)\W+to\W+\d+\W*")
 # Cells of a track in a row of MTrack2: x, y, flag.
 _CELLS_OF_TRACK = 3
 # Columns of boxes, in all files of MOTChallenge.
@@ -43,7 +44,8 @@ def cells_of_plain_text(source: str, data: bytes) -> TableCells | None:
     """The cells of positions of MTrack2 or MOTChallenge, None of another text.
 
     Raises:
-        InputError: the text is too large (`too-large`).
+        InputError: the text is too large (`too-large`), or tracks of MTrack2 have no sign between
+            their cells (`row-length`).
     """
     head, _, _ = data[:_MOST_OF_HEAD].strip().decode("utf-8-sig", "replace").partition("\n")
     mtrack2 = _MTRACK2.fullmatch(head.strip())
@@ -53,7 +55,14 @@ def cells_of_plain_text(source: str, data: bytes) -> TableCells | None:
     filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     sha256 = hashlib.sha256(data).hexdigest()
     if mtrack2:
-        columns, numbers = _of_mtrack2(filled[1:], mtrack2["sign"])
+        sign = mtrack2["sign"].strip(" ")
+        if not sign and mtrack2["more"].strip():
+            words = (
+                "is of MTrack2, but has blanks between its cells, so that the tracks of places are "
+                "lost; expected tabs or commas, as it writes them"
+            )
+            raise refusal(source, "row-length", words, filled[0][0])
+        columns, numbers = _of_mtrack2(filled[1:], sign)
         return _cells(source, sha256, columns, numbers)
     boxes = [_SIGNS.split(line.strip()) for _, line in filled]
     if not all(len(box) == len(boxes[0]) and _is_box(box) for box in boxes):
@@ -93,7 +102,7 @@ def _of_mtrack2(
         if match := _BLOCK.fullmatch(line.strip()):
             first = int(match["first"])
             continue
-        frame, *cells = (cell.strip() for cell in line.split(sign))
+        frame, *cells = (cell.strip() for cell in line.split(sign or None))
         if not NUMBER.fullmatch(frame):
             # The summary of the tracks.
             break
