@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
+from support.near import assert_near
 
 from fitball.base import air
 from fitball.base.itf import GRAVITY
@@ -41,7 +41,7 @@ def speed_after(start, end, speed, braking, sign):
 def test_falls_are_those_of_an_integration(height, braking):
     landing = air.landing_speed(height, braking)
     integrated = speed_after(height, 0.0, 0.0, braking, -1.0)
-    assert_allclose(landing, integrated, rtol=1e-9)
+    assert_near(landing, integrated, 1e-9)
 
 
 @BALLS
@@ -52,7 +52,7 @@ def test_rises_are_those_of_an_integration(height, braking):
     launch = float(air.launch_speed(height, braking))
     integrated = speed_after(0.0, nearly, launch, braking, 1.0)
     of_the_rest = air.launch_speed(0.001 * height, braking)
-    assert_allclose(integrated, of_the_rest, rtol=1e-6)
+    assert_near(integrated, of_the_rest, 1e-6)
 
 
 @BALLS
@@ -60,18 +60,18 @@ def test_heights_and_speeds_are_inverse(braking):
     heights = np.array([0.01, 0.5, 2.54, 12.0])
     landing = air.landing_speed(heights, braking)
     dropped = air.drop_height(landing, braking)
-    assert_allclose(dropped, heights, rtol=1e-12)
+    assert_near(dropped, heights, 1e-12)
     launch = air.launch_speed(heights, braking)
     risen = air.rebound_height(launch, braking)
-    assert_allclose(risen, heights, rtol=1e-12)
+    assert_near(risen, heights, 1e-12)
 
 
 def test_without_air_speeds_are_those_of_free_fall():
     free = np.sqrt(TWICE_G * 2.54)
     landing = air.landing_speed(2.54, 1e-12)
     launch = air.launch_speed(2.54, 1e-12)
-    assert_allclose(landing, free, rtol=1e-12)
-    assert_allclose(launch, free, rtol=1e-12)
+    assert_near(landing, free, 1e-12)
+    assert_near(launch, free, 1e-12)
 
 
 def test_a_little_air_counts_to_first_order():
@@ -79,8 +79,8 @@ def test_a_little_air_counts_to_first_order():
     half = 0.5e-3
     landing = air.landing_speed(1.0, 1e-3)
     launch = air.launch_speed(1.0, 1e-3)
-    assert_allclose(landing**2, TWICE_G * (1.0 - half), rtol=1e-6)
-    assert_allclose(launch**2, TWICE_G * (1.0 + half), rtol=1e-6)
+    assert_near(landing**2, TWICE_G * (1.0 - half), 1e-6)
+    assert_near(launch**2, TWICE_G * (1.0 + half), 1e-6)
 
 
 def flown(speed, braking):
@@ -118,10 +118,10 @@ def test_flights_are_those_of_an_integration(speed, braking):
     landing_of_launch = air.landing_of_launch(speed, braking)
     launch_of_time = air.launch_of_flight(time, braking)
     launch_of_landing = air.launch_of_landing(landing, braking)
-    assert_allclose(time_of_launch, time, rtol=1e-8)
-    assert_allclose(landing_of_launch, landing, rtol=1e-8)
-    assert_allclose(launch_of_time, speed, rtol=1e-8)
-    assert_allclose(launch_of_landing, speed, rtol=1e-7)
+    assert_near(time_of_launch, time, 1e-8)
+    assert_near(landing_of_launch, landing, 1e-8)
+    assert_near(launch_of_time, speed, 1e-8)
+    assert_near(launch_of_landing, speed, 1e-7)
 
 
 def test_flights_agree_with_heights():
@@ -130,7 +130,7 @@ def test_flights_agree_with_heights():
     tops = air.rebound_height(speeds, TABLE_TENNIS)
     fallen = air.landing_speed(tops, TABLE_TENNIS)
     flown_through = air.landing_of_launch(speeds, TABLE_TENNIS)
-    assert_allclose(flown_through, fallen, rtol=1e-12)
+    assert_near(flown_through, fallen, 1e-12)
 
 
 @pytest.mark.parametrize("time", [0.01, 0.5, 3.0, 6.0])
@@ -138,26 +138,26 @@ def test_flights_agree_with_heights():
 def test_speeds_of_flights_are_inverse(time, braking):
     speed = air.launch_of_flight(time, braking)
     again = air.flight_time(speed, braking)
-    assert_allclose(again, time, rtol=1e-12)
+    assert_near(again, time, 1e-12)
 
 
 @pytest.mark.parametrize("time", [0.01, 0.5, 3.0, 6.0])
 def test_flights_without_air_begin_at_half_of_g_t(time):
     speed = air.launch_of_flight(time, 1e-9)
-    assert_allclose(speed, 0.5 * GRAVITY * time, rtol=1e-6)
+    assert_near(speed, 0.5 * GRAVITY * time, 1e-6)
 
 
 def test_no_ball_lands_faster_than_it_can_fall():
     terminal = np.sqrt(TWICE_G / TABLE_TENNIS)
     landing = air.landing_speed(50.0, TABLE_TENNIS)
     assert landing < terminal
-    assert_allclose(landing, terminal, rtol=1e-3)
+    assert_near(landing, terminal, 1e-3)
 
 
 def test_the_density_of_dry_air():
     """ISO 2533: 1.225 kg/m^3 at 15 degrees Celsius and sea level."""
     at_15_degrees = air.density({"temperature": 15.0})
-    assert_allclose(at_15_degrees, 1.225, rtol=1e-3)
+    assert_near(at_15_degrees, 1.225, 1e-3)
     stated = {"density": 0.9, "temperature": 15.0}
     assert air.density(stated) == 0.9
 
@@ -169,4 +169,4 @@ def test_derivatives_may_be_taken_by_complex_steps(braking):
     for function in (air.landing_speed, air.rebound_height, air.launch_of_flight):
         slope = function(1.5 + 1e-20j, braking).imag / 1e-20
         change = function(1.5 + step, braking) - function(1.5 - step, braking)
-        assert_allclose(slope, change / (2.0 * step), rtol=1e-7)
+        assert_near(slope, change / (2.0 * step), 1e-7)

@@ -3,13 +3,15 @@ Student's t, and tables of known truth. What is counted in these has limits by i
 a right rule fails a test by chance once in `FALSE_FAILURES`.
 """
 
-from functools import cache
+from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from made_tables import impact_table
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom, chi2, t
+from support.near import assert_near, assert_within
 
 from fitball.base import air, itf
 from fitball.base.priors import ParameterSpec, parse_prior
@@ -25,7 +27,8 @@ FALSE_FAILURES = 1e-4
 TABLES = 400
 # Values of restitution that the tables have.
 TRUTH = 0.75
-SPREAD = parse_prior(ParameterSpec("spread", "", 0.0, np.inf, "half-t(0.01, 4)", "", ""))
+# Probabilities of the ends of a 95 % interval.
+ENDS = (0.025, 0.975)
 # Twelve normal impacts of a restitution of 0.75, four of them measured badly.
 LABORATORY = """v_y1 [m/s],v_y2 [m/s],v_y2_sd
 7.57,5.416,0.5
@@ -48,50 +51,99 @@ MILD = np.array([0.005, 0.01, 0.02] * 2)
 STATED = {"unequal": UNEQUAL, "mild": MILD, "equal": np.full(4, 0.01)}
 
 
-def mean_of(values, sd=None, group=None, x=None):
+class Mean(NamedTuple):
+    """A mean by hand with its standard error, and degrees of freedom for Student's t."""
+
+    level: float
+    error: float
+    freedom: int
+
+    @property
+    def interval(self):
+        """The ends of its 95 % interval."""
+        reach = self.error * t.ppf(0.975, self.freedom)
+        return np.array([self.level - reach, self.level + reach])
+
+
+def prior_of_spread(text):
+    spec = ParameterSpec("spread", "", 0.0, np.inf, text, "", "")
+    return parse_prior(spec)
+
+
+def mean_of(values, sd=None, group=None, x=None, spread="half-t(0.01, 4)"):
     """Means of values with stated errors, on a line in x."""
     count = len(values)
     group = np.zeros(count, np.int64) if group is None else group
     x = np.zeros(count) if x is None else x
-    return means(values, group, SPREAD, np.random.default_rng(1), x, sd)
+    prior = prior_of_spread(spread)
+    rng = np.random.default_rng(1)
+    return means(values, group, prior, rng, x, sd)
 
 
-def by_hand(values, sd, x):
-    """Level and slope, their covariance, degrees of freedom: weights by the mode of the restricted
-    likelihood times the root of the scatter, with dense matrices.
-    """
-    design = np.column_stack([np.ones(len(values)), x])[:, : 1 + bool(np.ptp(x))]
-    freedom = len(values) - design.shape[1]
+def minus_log_density(values, sd, design, log_scatter):
+    """Of a scatter: the restricted likelihood times the root of the scatter."""
+    variances = sd**2 + np.exp(2.0 * log_scatter)
+    level, covariance = least_squares(values, variances, design)
+    residual = values - design @ level
+    squares = np.sum(residual**2 / variances)
+    _, log_of_covariance = np.linalg.slogdet(covariance)
+    deviance = np.sum(np.log(variances)) - log_of_covariance + squares
+    return 0.5 * deviance - 0.5 * log_scatter
 
-    def fitted(scatter):
-        inverse = np.diag(1.0 / (sd**2 + scatter**2))
-        information = design.T @ inverse @ design
-        level = np.linalg.solve(information, design.T @ inverse @ values)
-        residual = values - design @ level
-        return level, information, residual @ inverse @ residual
 
-    def minus_log(log_scatter):
-        scatter = np.exp(log_scatter)
-        _, information, squares = fitted(scatter)
-        variances = np.sum(np.log(sd**2 + scatter**2))
-        likelihood = variances + np.linalg.slogdet(information)[1] + squares
-        return 0.5 * likelihood - 0.5 * log_scatter
+def least_squares(values, variances, design):
+    """Level and slope, and their covariance, with dense matrices."""
+    inverse = np.diag(1.0 / variances)
+    covariance = np.linalg.inv(design.T @ inverse @ design)
+    level = covariance @ design.T @ inverse @ values
+    return level, covariance
 
-    ends = np.log([1e-2 * sd.min(), 10.0 * values.std()])
-    best = minimize_scalar(minus_log, bounds=ends, method="bounded", options={"xatol": 1e-9})
-    level, information, squares = fitted(np.exp(best.x))
-    return level, np.linalg.inv(information) * squares / freedom, freedom
+
+def by_hand(values, sd, x=None):
+    """The mean where x is zero, with weights by the mode of the scatter."""
+    columns = [np.ones(len(values))]
+    if x is not None:
+        columns.append(x)
+    design = np.column_stack(columns)
+    freedom = len(values) - len(columns)
+    smallest = 1e-2 * sd.min()
+    largest = 10.0 * values.std()
+    best = minimize_scalar(
+        partial(minus_log_density, values, sd, design),
+        bounds=np.log([smallest, largest]),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    variances = sd**2 + np.exp(2.0 * best.x)
+    level, covariance = least_squares(values, variances, design)
+    residual = values - design @ level
+    mean_square = np.sum(residual**2 / variances) / freedom
+    error = np.sqrt(mean_square * covariance[0, 0])
+    return Mean(level[0], error, freedom)
+
+
+def without_weights(values, x=None):
+    """The mean where x is zero, of values that count alike."""
+    return by_hand(values, np.ones(len(values)), x)
+
+
+def assert_interval(ends, expected):
+    """The ends of an interval are within 1 % of its width."""
+    margin = 0.01 * np.ptp(expected)
+    assert_within(ends, expected, margin)
 
 
 def tables_of(errors):
     """Tables (tables, values) of one truth with these errors (values,)."""
     rng = np.random.default_rng(12)
-    return TRUTH + errors * rng.standard_normal((TABLES, len(errors)))
+    shape = (TABLES, len(errors))
+    return TRUTH + errors * rng.standard_normal(shape)
 
 
 def intervals_of(tables, sd):
     """Ends (tables, 2) of the 95 % intervals of tables whose errors are stated as `sd`."""
-    ends = [np.quantile(mean_of(values, sd).mean, (0.025, 0.975)) for values in tables]
+    draws = (mean_of(values, sd).mean for values in tables)
+    ends = [np.quantile(each, ENDS) for each in draws]
     return np.array(ends)
 
 
@@ -107,53 +159,60 @@ def intervals_by_stated_errors(tables, sd):
     which knows no scatter.
     """
     weights = sd**-2.0
-    means_of_tables = tables @ weights / weights.sum()
-    reach = 1.96 / np.sqrt(weights.sum())
-    return np.column_stack([means_of_tables - reach, means_of_tables + reach])
+    total = weights.sum()
+    centres = tables @ weights / total
+    reach = 1.96 / np.sqrt(total)
+    return np.column_stack([centres - reach, centres + reach])
 
 
 def share_of_true(ends):
     """The share of intervals (tables, 2) that contain the truth."""
     low, high = ends.T
-    return np.mean((low <= TRUTH) & (high >= TRUTH))
+    is_true = (low <= TRUTH) & (high >= TRUTH)
+    return is_true.mean()
 
 
 def least_share(nominal):
     """The share of true intervals below which a rule with that nominal share fails."""
-    return binom.ppf(FALSE_FAILURES, TABLES, nominal) / TABLES
+    count = binom.ppf(FALSE_FAILURES, TABLES, nominal)
+    return count / TABLES
 
 
 @pytest.mark.parametrize("sloped", [False, True])
 def test_stated_errors_weigh_a_mean_as_dense_matrices_do(sloped):
     rng = np.random.default_rng(4)
-    x = np.linspace(-1.0, 2.0, 12) * sloped
-    values = 0.75 + 0.01 * x + UNEQUAL * rng.standard_normal(12)
-    level, covariance, freedom = by_hand(values, UNEQUAL, x)
+    x = np.linspace(-1.0, 2.0, 12) if sloped else None
+    values = TRUTH + UNEQUAL * rng.standard_normal(12)
+    if sloped:
+        values += 0.01 * x
     weighted = mean_of(values, UNEQUAL, x=x)
-    assert weighted.point == pytest.approx(level[0], abs=1e-6)
-    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
-    width = high - low
-    ends = np.quantile(weighted.mean, (0.025, 0.975))
-    assert ends == pytest.approx([low, high], abs=0.01 * width)
+    expected = by_hand(values, UNEQUAL, x)
+    assert_within(weighted.point, expected.level, 1e-6)
+    assert_interval(np.quantile(weighted.mean, ENDS), expected.interval)
     # Without weights the bad rows count as much as the good ones.
     plain = mean_of(values, x=x)
-    level, covariance, freedom = by_hand(values, np.ones(12), x)
-    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
-    assert high - low > 2.0 * width
-    assert np.quantile(plain.mean, (0.025, 0.975)) == pytest.approx([low, high], abs=0.01 * width)
+    of_plain = without_weights(values, x)
+    assert_interval(np.quantile(plain.mean, ENDS), of_plain.interval)
+    assert of_plain.error > 2.0 * expected.error
 
 
-def test_equal_stated_errors_are_students():
+@pytest.mark.parametrize("sd", [0.001, 0.004, 0.1])
+def test_equal_stated_errors_are_students(sd):
     values = np.array([0.741, 0.747, 0.738, 0.744, 0.749])
-    for sd in (0.001, 0.004, 0.1):
-        weighted = mean_of(values, np.full(5, sd))
-        plain = mean_of(values)
-        assert weighted.point == pytest.approx(plain.point, rel=1e-12)
-        assert weighted.mean == pytest.approx(plain.mean, rel=1e-9)
-    # Repeats that agree in all digits have the errors that they state.
-    same = mean_of(np.full(4, 0.75), np.full(4, 0.01))
-    assert np.ptp(np.quantile(same.mean, (0.025, 0.975))) == pytest.approx(3.92 * 0.005, rel=0.01)
-    assert mean_of(np.full(4, 0.75)).mean.size == 0
+    stated = np.full(5, sd)
+    weighted = mean_of(values, stated)
+    plain = mean_of(values)
+    assert_near(weighted.point, plain.point, 1e-12)
+    assert_near(weighted.mean, plain.mean, 1e-9)
+
+
+def test_repeats_that_agree_in_all_digits_have_the_errors_that_they_state():
+    values = np.full(4, TRUTH)
+    stated = np.full(4, 0.01)
+    same = mean_of(values, stated)
+    width = np.ptp(np.quantile(same.mean, ENDS))
+    assert_near(width, 3.92 * 0.005, 0.01)
+    assert mean_of(values).mean.size == 0
 
 
 @pytest.mark.parametrize("name", STATED)
@@ -168,132 +227,192 @@ def test_weights_make_intervals_nearly_as_short_as_they_can_be(name):
     ones: both by Student's t, with the median of a mean square.
     """
     sd = STATED[name]
+    count = len(sd)
+    freedom = count - 1
+    error_by_weights = 1.0 / np.sqrt(np.sum(sd**-2.0))
+    error_of_equal = np.sqrt(np.mean(sd**2) / count)
+    between = np.sqrt(error_by_weights * error_of_equal)
+    median_of_scale = np.sqrt(chi2.median(freedom) / freedom)
+    limit = 2.0 * t.ppf(0.975, freedom) * median_of_scale * between
     low, high = intervals_where_errors_are_stated(name).T
-    freedom = len(sd) - 1
-    middle = 2.0 * t.ppf(0.975, freedom) * np.sqrt(chi2.median(freedom) / freedom)
-    known = middle / np.sqrt(np.sum(sd**-2.0))
-    equal = middle * np.sqrt(np.mean(sd**2) / len(sd))
-    assert np.median(high - low) < np.sqrt(known * equal)
+    assert np.median(high - low) < limit
 
 
-@pytest.mark.parametrize(("sd", "errors"), [(UNEQUAL, 2.0 * UNEQUAL), (MILD, np.hypot(MILD, 0.01))])
+@pytest.mark.parametrize(
+    ("sd", "errors"),
+    [
+        (UNEQUAL, 2.0 * UNEQUAL),
+        (MILD, np.hypot(MILD, 0.01)),
+    ],
+    ids=["twice", "scatter"],
+)
 def test_intervals_hold_where_errors_are_larger_than_stated(sd, errors):
     """Six values hardly show a scatter as large as their errors: of 10,000 tables 93 % are true.
     Stated errors alone are trusted too far.
     """
     tables = tables_of(errors)
     least = least_share(0.925)
-    assert share_of_true(intervals_of(tables, sd)) >= least
-    assert share_of_true(intervals_by_stated_errors(tables, sd)) < least
+    share = share_of_true(intervals_of(tables, sd))
+    share_by_stated_errors = share_of_true(intervals_by_stated_errors(tables, sd))
+    assert share_by_stated_errors < least <= share
+
+
+# Five balls, with one bad drop and two good ones each.
+BALLS = np.repeat(np.arange(5), 3)
+RESTITUTIONS = np.array([0.74, 0.75, 0.76, 0.745, 0.755])
 
 
 def test_repeats_of_balls_are_weighed_by_stated_errors():
-    """Each ball has a bad drop and two good ones: it is as their weighted mean says, drawn to the
-    others by less than its error.
-    """
-    sd = np.array([0.05, 0.002, 0.002] * 5)
-    group = np.repeat(np.arange(5), 3)
-    truth = np.array([0.74, 0.75, 0.76, 0.745, 0.755])
-    bad = np.array([0.06, -0.05, 0.04, -0.06, 0.05])
-    good = np.array([[2, -2], [-1, 1], [3, -3], [0, 1], [0, 1]]) * 1e-3
-    values = truth[group] + np.column_stack([bad, good]).ravel()
-    weighted = mean_of(values, sd, group)
-    by_ball = values.reshape(5, 3)
-    weights = sd.reshape(5, 3) ** -2.0
-    means_of_balls = np.average(by_ball, axis=1, weights=weights)
-    error = weights.sum(axis=1)[0] ** -0.5
-    assert weighted.each.mean(axis=1) == pytest.approx(means_of_balls, abs=error)
-    assert weighted.point == pytest.approx(means_of_balls.mean(), abs=error)
-    plain = mean_of(values, group=group)
-    assert np.abs(plain.each.mean(axis=1) - means_of_balls).max() > 3.0 * error
-    # The noise of repeats that happen to agree is what they state, but for what others add.
-    agreeing = truth[group] + np.array([1e-5, -1e-5, 0.0] * 5)
-    each = mean_of(agreeing, np.full(15, 0.004), group).each
+    """Each ball is as its weighted mean says, drawn to the others by less than its error."""
+    errors = np.array(
+        [
+            [0.06, 0.002, -0.002],
+            [-0.05, -0.001, 0.001],
+            [0.04, 0.003, -0.003],
+            [-0.06, 0.0, 0.001],
+            [0.05, 0.0, 0.001],
+        ]
+    )
+    by_ball = RESTITUTIONS[:, None] + errors
+    sd = np.array([0.05, 0.002, 0.002])
+    weights = sd**-2.0
+    error = weights.sum() ** -0.5
+    expected = np.average(by_ball, axis=1, weights=weights)
+    values = by_ball.ravel()
+    weighted = mean_of(values, np.tile(sd, 5), BALLS)
+    each = weighted.each.mean(axis=1)
+    assert_within(each, expected, error)
+    assert_within(weighted.point, expected.mean(), error)
+    plain = mean_of(values, group=BALLS)
+    off = plain.each.mean(axis=1) - expected
+    assert np.abs(off).max() > 3.0 * error
+
+
+def test_the_noise_of_repeats_that_happen_to_agree_is_what_they_state():
+    """But for what the other balls add."""
+    values = RESTITUTIONS[BALLS] + np.array([1e-5, -1e-5, 0.0] * 5)
+    agreeing = mean_of(values, np.full(15, 0.004), BALLS)
+    sds = agreeing.each.std(axis=1)
     stated = 0.004 / np.sqrt(3.0)
-    drawn = (stated**-2.0 + truth.var() ** -1.0) ** -0.5
-    assert each.std(axis=1).min() > 0.95 * drawn
-    assert each.std(axis=1).max() < 1.05 * stated
+    information = 1.0 / stated**2 + 1.0 / RESTITUTIONS.var()
+    drawn = information**-0.5
+    assert sds.min() > 0.95 * drawn
+    assert sds.max() < 1.05 * stated
 
 
-@pytest.mark.parametrize(("balls", "drops", "within"), [(2, 2, 0.25), (5, 2, 0.1), (6, 5, 0.1)])
+@pytest.mark.parametrize(
+    ("balls", "drops", "within"),
+    [
+        (2, 2, 0.25),
+        (5, 2, 0.1),
+        (6, 5, 0.1),
+    ],
+)
 def test_balls_that_differ_are_no_better_known_than_their_pooled_noise(balls, drops, within):
     """Where nothing is known of the spread of balls each is as Student's t of the pooled noise
     says, whose degrees of freedom are few.
     """
     rng = np.random.default_rng(6)
-    wide = parse_prior(ParameterSpec("spread", "", 0.0, np.inf, "half-t(100, 4)", "", ""))
-    group = np.repeat(np.arange(balls), drops)
     noise = rng.standard_normal((balls, drops))
-    values = (np.arange(balls)[:, None] * 50.0 + noise).ravel()
-    each = means(values, group, wide, rng, np.zeros(len(values))).each
+    far_apart = 50.0 * np.arange(balls)
+    by_ball = far_apart[:, None] + noise
+    group = np.repeat(np.arange(balls), drops)
+    each = mean_of(by_ball.ravel(), group=group, spread="half-t(100, 4)").each
+    levels = by_ball.mean(axis=1, keepdims=True)
     freedom = balls * (drops - 1)
-    levels = values.reshape(balls, drops).mean(axis=1)
-    squares = np.sum((values - levels[group]) ** 2)
-    error = np.sqrt(squares / freedom / drops)
-    away = ((each - levels[:, None]) / error).ravel()
-    ends = np.quantile(away, (0.025, 0.975))
-    assert 0.5 * np.ptp(ends) == pytest.approx(t.ppf(0.975, freedom), rel=within)
+    variance = np.sum((by_ball - levels) ** 2) / freedom
+    error = np.sqrt(variance / drops)
+    away = (each - levels) / error
+    width = np.ptp(np.quantile(away, ENDS))
+    expected = 2.0 * t.ppf(0.975, freedom)
+    assert_near(width, expected, within)
 
 
 def test_balls_dropped_once_differ_by_more_than_their_errors():
     """Another ball lies about the mean by the spread of balls, without the errors of bad drops. The
     spread is known as well as by the values that show it.
     """
-    rng = np.random.default_rng(8)
     spread = 0.01
     sd = np.array([0.002, 0.03] * 20)
+    rng = np.random.default_rng(8)
     values = TRUTH + np.hypot(sd, spread) * rng.standard_normal(40)
-    dropped_once = mean_of(values, sd, np.arange(40))
-    shown = (spread**2 / (spread**2 + sd**2)) ** 2
-    freedom = shown.sum() - 1.0
-    ends = [FALSE_FAILURES / 2.0, 1.0 - FALSE_FAILURES / 2.0]
-    low, high = spread * np.sqrt(chi2.ppf(ends, freedom) / freedom)
-    assert low < dropped_once.another.std() < high
-    plain = mean_of(values, group=np.arange(40))
+    each_of_its_own = np.arange(40)
+    weighted = mean_of(values, sd, each_of_its_own)
+    plain = mean_of(values, group=each_of_its_own)
+    share_of_spread = spread**2 / (spread**2 + sd**2)
+    freedom = np.sum(share_of_spread**2) - 1.0
+    tails = [0.5 * FALSE_FAILURES, 1.0 - 0.5 * FALSE_FAILURES]
+    squares = chi2.ppf(tails, freedom) / freedom
+    low, high = spread * np.sqrt(squares)
+    assert low < weighted.another.std() < high
     assert plain.another.std() > high
 
 
-def test_a_drop_test_weighs_the_errors_of_its_table(tmp_path):
-    """Slower and faster impacts of one restitution lead to the drop from 254 cm by a line."""
+@pytest.fixture
+def laboratory(tmp_path):
     path = tmp_path / "lab_errors.csv"
     path.write_text(LABORATORY)
-    v_y1, v_y2, v_y2_sd = np.loadtxt(path, delimiter=",", skiprows=1, unpack=True)
+    return path
+
+
+def only_row(frame):
+    """The only row of a frame."""
+    (row,) = frame.to_dict("records")
+    return row
+
+
+def test_a_drop_test_weighs_the_errors_of_its_table(laboratory):
+    """Slower and faster impacts of one restitution lead to the drop from 254 cm by a line."""
+    v_y1, v_y2, v_y2_sd = np.loadtxt(laboratory, delimiter=",", skiprows=1).T
     braking = 0.55 * air.braking_per_drag(Ball(), {})
     test_speed = air.landing_speed(2.54, braking)
-    level, covariance, freedom = by_hand(v_y2 / v_y1, v_y2_sd / v_y1, v_y1 - test_speed)
-    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
-    width = high - low
-    (row,) = drop_test(load_table(path), Scene()).to_dict("records")
-    assert row["cor"] == pytest.approx(level[0], abs=1e-4)
-    ends = [row["cor_q025"], row["cor_q975"]]
-    assert ends == pytest.approx([low, high], abs=0.01 * width)
+    cor = v_y2 / v_y1
+    sd = v_y2_sd / v_y1
+    expected = by_hand(cor, sd, v_y1 - test_speed)
+    row = only_row(drop_test(load_table(laboratory), Scene()))
+    assert_within(row["cor"], expected.level, 1e-4)
+    low, high = row["cor_q025"], row["cor_q975"]
+    assert_interval([low, high], expected.interval)
     assert low < TRUTH < high
     # What leaves the ground so fast rises through air.
-    rebound = air.rebound_height(level[0] * test_speed, braking)
-    assert row["rebound"] == pytest.approx(rebound, abs=1e-4)
-    level, covariance, freedom = by_hand(v_y2 / v_y1, np.ones(12), v_y1 - test_speed)
-    low, high = t.interval(0.95, freedom, level[0], np.sqrt(covariance[0, 0]))
-    plain = drop_test(load_table(path, ignore=("v_y2_sd",)), Scene()).iloc[0]
-    ends = [plain["cor_q025"], plain["cor_q975"]]
-    assert ends == pytest.approx([low, high], abs=0.01 * (high - low))
-    assert high - low > 2.0 * width
+    rebound = air.rebound_height(expected.level * test_speed, braking)
+    assert_within(row["rebound"], rebound, 1e-4)
 
 
-def test_errors_of_a_restitution_are_those_of_both_speeds_and_their_correlation():
+def test_a_drop_test_without_stated_errors_counts_rows_alike(laboratory):
+    v_y1, v_y2, _ = np.loadtxt(laboratory, delimiter=",", skiprows=1).T
+    braking = 0.55 * air.braking_per_drag(Ball(), {})
+    test_speed = air.landing_speed(2.54, braking)
+    expected = without_weights(v_y2 / v_y1, v_y1 - test_speed)
+    weighted = only_row(drop_test(load_table(laboratory), Scene()))
+    table = load_table(laboratory, ignore=("v_y2_sd",))
+    plain = only_row(drop_test(table, Scene()))
+    width = plain["cor_q975"] - plain["cor_q025"]
+    width_by_weights = weighted["cor_q975"] - weighted["cor_q025"]
+    assert_interval([plain["cor_q025"], plain["cor_q975"]], expected.interval)
+    assert width > 2.0 * width_by_weights
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_errors_of_a_restitution_are_those_of_both_speeds_and_their_correlation(correlation):
     rng = np.random.default_rng(3)
-    first = np.full(9, 7.0)
-    second = 5.2 + 0.1 * rng.standard_normal(9)
-    sds = {"v_y1": np.array([0.02, 0.2, 0.05] * 3), "v_y2": np.array([0.1, 0.02, 0.05] * 3)}
-    for correlation in (0.0, 0.9):
-        corr = {("v_y1", "v_y2"): correlation}
-        table = impact_table({"v_y1": first, "v_y2": second}, sd=sds, corr=corr)
-        cor = second / first
-        relative_1 = sds["v_y1"] / first
-        relative_2 = sds["v_y2"] / second
-        together = relative_1**2 + relative_2**2 - 2.0 * correlation * relative_1 * relative_2
-        expected = mean_of(cor, cor * np.sqrt(together))
-        row = drop_test(table, Scene()).iloc[0]
-        assert row["cor"] == pytest.approx(expected.point, rel=1e-9)
+    v_y1 = np.full(9, 7.0)
+    v_y2 = 5.2 + 0.1 * rng.standard_normal(9)
+    v_y1_sd = np.array([0.02, 0.2, 0.05] * 3)
+    v_y2_sd = np.array([0.1, 0.02, 0.05] * 3)
+    table = impact_table(
+        {"v_y1": v_y1, "v_y2": v_y2},
+        sd={"v_y1": v_y1_sd, "v_y2": v_y2_sd},
+        corr={("v_y1", "v_y2"): correlation},
+    )
+    relative_1 = v_y1_sd / v_y1
+    relative_2 = v_y2_sd / v_y2
+    in_common = 2.0 * correlation * relative_1 * relative_2
+    variance = relative_1**2 + relative_2**2 - in_common
+    cor = v_y2 / v_y1
+    expected = by_hand(cor, cor * np.sqrt(variance))
+    row = only_row(drop_test(table, Scene()))
+    assert_near(row["cor"], expected.level, 1e-6)
 
 
 def test_errors_of_heights_weigh_drops():
@@ -305,32 +424,40 @@ def test_errors_of_heights_weigh_drops():
         "rebound_height [cm]": heights,
         "rebound_height_sd [cm]": sd,
     }
-    row = drop_test(load_table(table), Scene()).iloc[0]
+    row = only_row(drop_test(load_table(table), Scene()))
     weights = sd**-2.0
+    error = weights.sum() ** -0.5
     mean = np.average(heights, weights=weights)
-    assert 100.0 * row["rebound"] == pytest.approx(mean, abs=weights.sum() ** -0.5)
+    assert_within(100.0 * row["rebound"], mean, error)
     assert row["rebound_q025"] < 0.01 * mean < row["rebound_q975"]
     assert row["passes"] > 0.95
 
 
 def test_a_court_pace_weighs_the_errors_of_its_table():
     angle = np.radians(16.0)
-    v_x1 = np.full(6, 30.0 * np.cos(angle))
-    v_y1 = np.full(6, 30.0 * np.sin(angle))
+    v_x1 = 30.0 * np.cos(angle)
+    v_y1 = 30.0 * np.sin(angle)
     friction = np.array([0.60, 0.61, 0.59, 0.75, 0.60, 0.60])
     cor = 0.8
-    v_x2 = v_x1 - friction * v_y1 * (1.0 + cor)
     v_y2 = cor * v_y1
-    impacts = {"v_x1": v_x1, "v_y1": v_y1, "omega_1": 0.0, "v_x2": v_x2, "v_y2": v_y2}
+    impacts = {
+        "v_x1": np.full(6, v_x1),
+        "v_y1": np.full(6, v_y1),
+        "omega_1": 0.0,
+        "v_x2": v_x1 - friction * (v_y1 + v_y2),
+        "v_y2": np.full(6, v_y2),
+    }
     v_x2_sd = np.array([0.1, 0.1, 0.1, 3.0, 0.1, 0.1])
-    sds = {"v_x2": v_x2_sd, "v_y2": 0.05}
-    rated = measured_pace(impact_table(impacts, sd=sds), Scene()).iloc[0]
     # ITF CS 01/02: 100 (1 - mu) + 150 (0.81 - e), and its slopes with v_x2 and v_y2.
     ratings = 100.0 * (1.0 - friction) + 150.0 * (0.81 - cor)
     of_v_x2 = 100.0 / (v_y1 + v_y2)
-    of_v_y2 = 100.0 * friction / (v_y1 + v_y2) - 150.0 / v_y1
-    level, _, _ = by_hand(ratings, np.hypot(of_v_x2 * v_x2_sd, of_v_y2 * 0.05), np.zeros(6))
-    assert rated["rating"] == pytest.approx(level[0], abs=1e-3)
-    plain = measured_pace(impact_table(impacts), Scene()).iloc[0]
-    assert plain["rating"] == pytest.approx(ratings.mean(), abs=1e-3)
-    assert sum(rated[name] for name in itf.PACE_CATEGORIES) == pytest.approx(1.0)
+    of_v_y2 = friction * of_v_x2 - 150.0 / v_y1
+    errors = np.hypot(of_v_x2 * v_x2_sd, of_v_y2 * 0.05)
+    expected = by_hand(ratings, errors)
+    table = impact_table(impacts, sd={"v_x2": v_x2_sd, "v_y2": 0.05})
+    rated = only_row(measured_pace(table, Scene()))
+    assert_within(rated["rating"], expected.level, 1e-3)
+    shares = [rated[name] for name in itf.PACE_CATEGORIES]
+    assert_near(sum(shares), 1.0, 1e-6)
+    plain = only_row(measured_pace(impact_table(impacts), Scene()))
+    assert_within(plain["rating"], ratings.mean(), 1e-3)
