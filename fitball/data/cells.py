@@ -45,7 +45,7 @@ class TableCells:
 
     The table collects `notes` on what was assumed, and `faults`, for which it is refused. Faults of
     rows name columns as the file does: `theirs` are names of the file by ours, where the user gave
-    them.
+    them. `leave_out` are the columns without which nothing contradicts.
     """
 
     source: str
@@ -60,6 +60,7 @@ class TableCells:
     above: list[list[str]] = field(default_factory=list)
     factor: float = 1.0
     theirs: dict[str, str] = field(default_factory=dict)
+    leave_out: str = ""
 
     def text(self, index: int) -> list[str]:
         """The cells of the column of this index as text; whole numbers without a point."""
@@ -130,7 +131,12 @@ class TableCells:
             raise InputError(self.source, faults, hints)
 
     def _in_own_columns(self, fault: Fault) -> Fault:
-        """A fault of a row with the column as the file calls it."""
+        """A fault of a row with the column as the file calls it; a contradiction with what to leave
+        out.
+        """
+        if fault.code == "contradiction" and self.leave_out:
+            words = f"{fault.message}, or leave out what contradicts (--ignore {self.leave_out})"
+            fault = replace(fault, message=words)
         if fault.row is None or fault.column is None:
             return fault
         return replace(fault, column=self.theirs.get(fault.column, fault.column))

@@ -173,7 +173,7 @@ def redundant(cells: TableCells, numbers: Columns, units: Units) -> None:
                 other = in_unit_of_file(name, float(expected[k]), units)
                 words = (
                     f"read {read}, but {basis} give {other}; expected agreement: check the "
-                    f"units and the row, or leave the column out (--ignore {name})"
+                    "units and the row"
                 )
                 cells.fault("contradiction", words, name, k)
             _note_disagreement(cells, name, basis, share)

@@ -46,7 +46,7 @@ def speeds_of_heights(cells: TableCells, columns: Columns, scene: Scene) -> dict
         if speed in with_speeds:
             others = [other for other in (speed, *_MOTIONS) if SPEED_OF.get(other, other) == speed]
             same = next(other for other in others if other in columns and other != name)
-            words = f"says the same as {same}: leave one of them out (--ignore)"
+            words = f"says the same as {same}: leave one of them out (--ignore {name})"
             cells.fault("height-and-speed", words, name)
             continue
         values = np.abs(read)

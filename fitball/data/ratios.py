@@ -169,7 +169,7 @@ def _compare(
     for row in np.flatnonzero(share > _GROSS).tolist():
         words = (
             f"read {read[row]:.4g}, but {basis} is {expected[row]:.4g}; expected agreement: check "
-            f"the row, or leave the column out (--ignore {name})"
+            "the row"
         )
         cells.fault("contradiction", words, name, row)
     cells.note("ratio-not-used", f"{name} is {basis}: it is not used")

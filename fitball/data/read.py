@@ -40,7 +40,14 @@ from fitball.data.slips import note_slips
 from fitball.data.sources import file_and_sheet, read_cells
 from fitball.data.spatial import in_plane
 from fitball.data.table import ImpactTable
-from fitball.data.trials import Attempt, Change, FileNames, tried_readings, with_tried_guesses
+from fitball.data.trials import (
+    Attempt,
+    Change,
+    FileNames,
+    columns_to_leave_out,
+    tried_readings,
+    with_tried_guesses,
+)
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
 TableSource: TypeAlias = ImpactTable | str | Path | DataFrame | Mapping[str, object]
@@ -183,7 +190,12 @@ def _can_be_read(written: TableCells, name: str, options: _Options, change: Chan
     names = [change.header.get(cell, cell) for cell in written.names]
     try:
         naming = Naming({**options.scene.columns, **change.columns})
-        changed = options._replace(naming=naming, flip=tuple(change.flip), proposes=False)
+        changed = options._replace(
+            naming=naming,
+            flip=tuple(change.flip),
+            ignore=(*options.ignore, *change.ignore),
+            proposes=False,
+        )
         _table_of(replace(_fresh(written), names=names), name, changed)
     except InputError as error:
         rows = {fault.row for fault in error.faults}
@@ -241,6 +253,7 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
         if proposes:
             doubts = _doubts(header, values, numbers_read.columns, scene.ball_value())
             readings = tried_readings(doubts, names, attempt)
+            cells.leave_out = columns_to_leave_out(cells.faults, names, attempt)
         _refuse_with_readings(cells, readings)
     sds = _sds(values, checked, rows)
     units = {column: header.units[column] for column in values if column in header.units}

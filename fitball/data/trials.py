@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS
+from fitball.base.errors import Fault
 from fitball.base.text import column_head, listed
 from fitball.data.header import Header, Naming
 from fitball.data.misreading import Doubt
@@ -31,12 +32,14 @@ _FORMS = {"v_y1": (HEIGHTS[0], FLIGHTS[0]), "v_y2": (HEIGHTS[1], FLIGHTS[1])}
 @dataclass(frozen=True)
 class Change:
     """How a table is to be read otherwise: the file's names by ours, as `--columns` takes them,
-    besides those of the scene; all columns to flip; cells of the header by those they replace.
+    besides those of the scene; all columns to flip; cells of the header by those they replace;
+    columns to ignore besides those that are ignored.
     """
 
     columns: Mapping[str, str]
     flip: Sequence[str]
     header: Mapping[str, str] = field(default_factory=dict)
+    ignore: Sequence[str] = ()
 
 
 Attempt: TypeAlias = Callable[[Change], bool]
@@ -94,6 +97,17 @@ def _choices(guesses: Mapping[str, str], naming: Naming) -> Iterator[dict[str, s
     if len(guesses) > 1:
         for ours, their in guesses.items():
             yield {ours: their}
+
+
+def columns_to_leave_out(faults: Iterable[Fault], names: FileNames, attempt: Attempt) -> str:
+    """What `--ignore` takes so that no column contradicts others, as the `faults` say; empty where
+    none does, or the table cannot be read so.
+    """
+    contradictory = dict.fromkeys(
+        fault.column for fault in faults if fault.code == "contradiction" and fault.column
+    )
+    change = Change(names.naming.columns, names.flip, ignore=[*contradictory])
+    return ",".join(contradictory) if contradictory and attempt(change) else ""
 
 
 def tried_readings(doubts: Iterable[Doubt], names: FileNames, attempt: Attempt) -> list[str]:

@@ -1,8 +1,8 @@
 """What would help most after a fit: commands that run on its table, with names filled in.
 
 Each command changes something: a comparison has models that can differ, a level has labels, a noise
-is another than that of the fit. `FIT` stands for the folder of the fit, which a report does not
-know.
+is another than that of the fit. `FIT` stands for the folder of the fit, which pages and the command
+line fill in.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from fitball.base.text import listed
 from fitball.data.bundled import descriptions, path_of_source
 from fitball.inference.fitted import Fitted
 from fitball.inference.judgement.adequacy_words import REMEDIES
+from fitball.inference.problem.problem import base_of
 from fitball.inference.schema import ResidualTest
 from fitball.models.registry import candidates
+from fitball.models.specs import SPECS
 from fitball.report.frame_rows import frame_rows
 
 # Kinds of patterns that another model may describe.
@@ -27,6 +29,8 @@ _OF_MODELS = ("bias", "trend", "group", "parameter", "law", "linked")
 _LEAST_COMPARED = 3
 # The option that a pattern names itself.
 _OPTION = re.compile(r" \((--pool [^()]*)\)$")
+# What stands for the folder of a fit in a command.
+FIT = "FIT"
 # Sds from which a shift by an assumption matters.
 _LARGE_SHIFT = 2.0
 
@@ -122,7 +126,9 @@ def _of_undetermined(fit: Fitted) -> Iterator[str]:
         yield f"the contact time, or `gap_time` from a film; it determines {stiff}"
     if len(poor):
         target = ",".join(map(str, poor))
-        plan = f"`fitball plan FIT --target {shlex.quote(target)}` proposes them"
+        plan = f"`fitball plan {FIT} --target {shlex.quote(target)}` proposes them"
+        if fit.posterior is None:
+            plan = f"a plan of them begins with the posterior, {_command(fit, 'calibrate')}"
         yield f"impacts that determine {listed(poor)}; {plan}"
 
 
@@ -131,7 +137,12 @@ def _of_bounds(fit: Fitted) -> Iterator[str]:
     for name, estimate in fit.parameters.items():
         if estimate.rule == "at-bound":
             best = f"its best value lies on the bound {estimate.point:.4g} of {estimate.prior}"
-            yield f"another prior of {name} (`--prior`): {best}"
+            base = SPECS.get(base_of(name))
+            if base is None or base.prior == estimate.prior:
+                yield f"another prior of {name}: {best}"
+            else:
+                wider = f"--prior {shlex.quote(f'{name}={base.prior}')}"
+                yield f"another prior, {_command(fit, 'calibrate', wider)}: {best}"
 
 
 def _of_variants(fit: Fitted) -> Iterator[str]:
@@ -185,9 +196,29 @@ def _command(fit: Fitted, verb: str, options: str = "") -> str:
     for name in ("columns", "flip", "ignore"):
         if read[0].get(name):
             words += [f"--{name}", read[0][name]]
-    if verb != "check" and any(note.code == "misread" for note in fit.notes):
-        words.append("--as-read")
+    if verb != "check":
+        if any(note.code == "misread" for note in fit.notes):
+            words.append("--as-read")
+        words += _choices(fit, verb, options)
     return f"`{' '.join([shlex.join(words), options]).strip()}`"
+
+
+def _choices(fit: Fitted, verb: str, options: str) -> list[str]:
+    """The options by which the fit was chosen that count in another one, but for what its `options`
+    say.
+    """
+    choices = fit.run.choices
+    words = list[str]()
+    if verb == "calibrate" and choices.model and ".py:" not in choices.model:
+        words += ["--model", choices.model]
+    for name in ("fix", "prior", "pool"):
+        chosen = getattr(choices, name).items()
+        pairs = [f"{key}={value}" for key, value in chosen if f"{key}=" not in options]
+        if pairs:
+            words += [f"--{name}", ",".join(pairs)]
+    if choices.noise and "--noise" not in options:
+        words += ["--noise", choices.noise]
+    return words
 
 
 def _source_name(source: str) -> str:
