@@ -8,6 +8,7 @@ docs       generated parts, links, words, the commands of all pages, all example
 foreign    values and new measurements of balls that fitball's models are not
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
+remedies   commands and options that messages and pages propose, run on their tables
 readonly   the main job by a user who can write nothing but the result
 shapes     films as trackers' packages write them, read (scripts/shapes.py)
 types      what pyright says of a user's script
@@ -57,6 +58,7 @@ COMMANDS = {
         "-P -m pytest -q -p no:cacheprovider tests/test_examples.py",
     ],
     "foreign": ["scripts/validation/foreign.py WORK"],
+    "remedies": ["-P scripts/remedies.py"],
     "hostile": ["-P scripts/hostile.py", "-P scripts/hostile.py --control"],
     "studies": [
         "scripts/validation/sbc.py WORK --only grip-slip --tables 100",

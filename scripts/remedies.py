@@ -161,7 +161,7 @@ def remedies_in(sentences: Sequence[str], words: Sequence[str], fit: Path) -> It
                 continue
             name, value = f"--{match['name']}", (match["value"] or "").strip("\"'")
             unfilled = PLACEHOLDER.search(value)
-            if name in FACTS and not value:
+            if name in FACTS and not re.search(r"[0-9]", value):
                 continue
             if not value or unfilled:
                 yield Remedy((*words, name), sentence, unfilled[0] if unfilled else name)
@@ -198,7 +198,8 @@ def tables_of_faults() -> dict[str, str]:
     """Tables with a fault each, by name, as CSV."""
     header, *rows = (datasets_folder() / "wang_all.csv").read_text("utf-8").splitlines()
     cells = [row.split(",") for row in rows]
-    columns = dict(zip(header.split(","), zip(*cells, strict=True), strict=True))
+    columns: dict[str, Sequence[object]] = {}
+    columns |= dict(zip(header.split(","), zip(*cells, strict=True), strict=True))
     spins = {name: columns[name] for name in ("omega_1 [rad/s]", "omega_2 [rad/s]")}
     speeds = {name: columns[name] for name in ("v_y1 [m/s]", "v_y2 [m/s]")}
     swapped = dict(zip(speeds, reversed(speeds.values()), strict=True))
@@ -221,7 +222,7 @@ def tables_of_faults() -> dict[str, str]:
     }
 
 
-def times(factor: float, columns: Columns, *names: str) -> dict[str, list[object]]:
+def times(factor: float, columns: Columns, *names: str) -> dict[str, Sequence[object]]:
     """Columns, or those of these names, multiplied by a factor."""
     return {
         name: [float(str(cell)) * factor for cell in cells]
@@ -230,7 +231,7 @@ def times(factor: float, columns: Columns, *names: str) -> dict[str, list[object
     }
 
 
-def added(first: Sequence[float], second: Sequence[float]) -> list[object]:
+def added(first: Sequence[float], second: Sequence[float]) -> list[float]:
     """The sums of two columns."""
     return [round(a + b, 4) for a, b in zip(first, second, strict=True)]
 
@@ -242,17 +243,19 @@ def as_csv(columns: Columns) -> str:
     return "\n".join(lines) + "\n"
 
 
-def study(tables: Sequence[Path], work: Path) -> tuple[int, int, int, list[str]]:
-    """How many remedies were made, run and helped on tables, and a line for each that did not."""
+def study(
+    tables: Sequence[Path],
+    work: Path,
+    verbs: Sequence[str] = ("check", "calibrate"),
+) -> tuple[int, int, int, list[str]]:
+    """How many remedies of some verbs, of films `track`, were made, run and helped on tables, and a
+    line for each that did not.
+    """
     made = ran = helped = 0
     lines = list[str]()
     for table in tables:
         tried = set[tuple[str, ...]]()
-        for verb in ("check", "calibrate", "track") if "film" in table.name else SHORT:
-            if verb not in ("check", "calibrate") and not (
-                verb == "track" and "film" in table.name
-            ):
-                continue
+        for verb in ("track",) if "film" in table.name else verbs:
             words = [verb, table.name]
             fit = work / "fit"
             before = run([*words, *SHORT[verb]], fit)

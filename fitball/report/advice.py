@@ -209,7 +209,8 @@ def _choices(fit: Fitted, verb: str, options: str) -> list[str]:
     """
     choices = fit.run.choices
     words = list[str]()
-    if verb == "calibrate" and choices.model and ".py:" not in choices.model:
+    stated_model = verb != "calibrate" or "--model " in options
+    if choices.model and not stated_model and ".py:" not in choices.model:
         words += ["--model", choices.model]
     for name in ("fix", "prior", "pool"):
         chosen = getattr(choices, name).items()
