@@ -217,3 +217,27 @@ def test_what_has_no_answer_has_none_on_either_side():
     rebound = model.evaluate(names, draws, impacts)
     assert np.isnan(rebound.v_x2).all()
     assert (rebound.status[:, [0, 1, 2, 4]] == Status.NO_IMPACT).all()
+
+
+@pytest.mark.parametrize("text", ["two-mass", "pushed"])
+def test_a_table_of_drops_with_spin_has_the_rebounds_of_its_impacts(text):
+    """All impacts are steep, of some draws or of all."""
+    model = of_text(text)
+    names, draws = draws_of(model, 4)
+    rng = np.random.default_rng(6)
+    v_x1 = np.array([[0.0, 0.1, -0.2], [0.1, 0.2, 0.0], [0.0, 0.0, 0.0], [-0.1, 0.1, 0.2]])
+    v_y1 = rng.uniform(8.0, 12.0, (4, 3))
+    omega_1 = rng.uniform(-300.0, 300.0, (4, 3))
+    together = model.evaluate(names, draws, Impacts(v_x1, v_y1, omega_1))
+    for i in range(4):
+        for j in range(3):
+            # Beside one that is far from the vertical.
+            states = (
+                np.array([column[i, j], far])
+                for column, far in ((v_x1, 20.0), (v_y1, 8.0), (omega_1, 0.0))
+            )
+            alone = model.evaluate(names, draws[[i]], Impacts(*states))
+            for name in (*TURNED, *KEPT):
+                expected = getattr(alone, name)[0, 0]
+                answer = getattr(together, name)[i, j]
+                assert answer == expected or (np.isnan(answer) and np.isnan(expected)), name

@@ -55,11 +55,11 @@ def offset_share(r: Number) -> Number:
 def with_share(
     names: Sequence[str],
     values: Annotated[FloatArray, "draws parameters"],
-    share: Annotated[FloatArray, "draws"],
+    share: Annotated[FloatArray, "draws 1"],
 ) -> Annotated[FloatArray, "draws parameters"]:
     """The `values` of the parameters `names` where a `share` of the offset acts."""
     is_offset = np.isin(names, OFFSETS)
-    return np.where(is_offset, share[:, None] * values, values)
+    return np.where(is_offset, share * values, values)
 
 
 def turn_back(arrays: Mapping[str, FloatArray], side: FloatArray) -> None:
@@ -88,23 +88,29 @@ def bounced(
     if (impacts.v_x1 >= FULL_OFFSET * impacts.v_y1).all():
         return solve(ball, names, values, impacts, cor)
     travel = travel_of(impacts)
-    rebound = solve(ball, names, values, travel.forwards, cor)
-    arrays = vars(rebound)
-    steep = travel.share < 1.0
-    if steep.any() and not {*OFFSETS}.isdisjoint(names):
-        shape = rebound.status.shape
-        draw, at = np.nonzero(np.broadcast_to(steep, shape))
+    shape = (len(values), len(impacts))
+    steep = np.zeros(shape, np.bool_)
+    if not {*OFFSETS}.isdisjoint(names):
+        steep = np.broadcast_to(travel.share < 1.0, shape)
+    draw, at = np.nonzero(steep)
 
-        def picked(array: FloatArray) -> FloatArray:
-            """Those of an array for all draws, or for each, that are steep."""
-            return np.broadcast_to(array, shape)[draw, at]
+    def picked(array: FloatArray) -> FloatArray:
+        """Those of an array for all draws, or for each, that are steep, each as a draw."""
+        return np.broadcast_to(array, shape)[draw, at][:, None]
 
-        # Each steep impact of each draw is a draw of its own, with the offset that acts there.
+    def solve_steep() -> Rebound:
+        """Steep impacts, each as a draw of its own with the offset that acts there."""
         less = with_share(names, values[draw], picked(travel.share))
-        states = [picked(state)[:, None] for state in vars(travel.forwards).values()]
-        law = None if cor is None else picked(cor)[:, None]
-        by_name = vars(solve(ball, names, less, Impacts(*states), law))
-        for name, array in arrays.items():
-            array[draw, at] = by_name[name][:, 0]
-    turn_back(arrays, travel.side)
+        states = map(picked, vars(travel.forwards).values())
+        return solve(ball, names, less, Impacts(*states), None if cor is None else picked(cor))
+
+    if steep.all():
+        arrays = {name: array.reshape(shape) for name, array in vars(solve_steep()).items()}
+        rebound = Rebound(**arrays)
+    else:
+        rebound = solve(ball, names, values, travel.forwards, cor)
+        if at.size:
+            for name, array in vars(solve_steep()).items():
+                vars(rebound)[name][draw, at] = array[:, 0]
+    turn_back(vars(rebound), travel.side)
     return rebound
