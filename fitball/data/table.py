@@ -89,6 +89,17 @@ class ImpactTable:
         return "omega_1" in self.values or "omega_2" in self.values
 
     @property
+    def has_times(self) -> bool:
+        """Whether a time of the contact, or a gap between the flights, was measured.
+
+        Example:
+            >>> import fitball
+            >>> fitball.load_table("synthetic_gaps").has_times
+            True
+        """
+        return any(COLUMNS[name].timed for name in REBOUND if name in self.values)
+
+    @property
     def has_tangential(self) -> bool:
         """Whether motion along the court was measured, before and after: not in a drop test.
 

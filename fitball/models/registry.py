@@ -215,17 +215,26 @@ def option_variants(chosen: Model) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def candidates(*, tangential: bool, spin: bool, quick: bool = False) -> tuple[str, ...]:
+def candidates(
+    *,
+    tangential: bool,
+    spin: bool,
+    timed: bool = False,
+    quick: bool = False,
+) -> tuple[str, ...]:
     """Texts of the models that a comparison tries, the default model of such data last.
 
     Data have motion along the court if `tangential`, else models differ in their law of
-    restitution; and spins if `spin`. If `quick` the variants of the default model are left out.
+    restitution; spins if `spin`; and times of the contact if `timed`, for which models need a time
+    axis. If `quick` the variants of the default model are left out.
     """
     if not tangential:
         laws = [f"{LAW_CHOICE}={law}" for law in two_mass.CHOICES[LAW_CHOICE][1:]]
         return (*(f"{DEFAULT_DROPS}+{law}" for law in laws if law not in UNLIKELY), DEFAULT_DROPS)
     if not spin:
         spinless = [name for name, entry in MODELS.items() if entry.spinless]
+        if timed:
+            return (*spinless, DEFAULT)
         spinless.remove(DEFAULT_SPINLESS)
         return (*spinless, DEFAULT_SPINLESS)
     others = [name for name in MODELS if name != DEFAULT]

@@ -162,7 +162,11 @@ def _compare(fit: Fitted, kind: str) -> str:
     restitution, which is no difference between labels.
     """
     table = fit.run.table
-    models = candidates(tangential=table.has_tangential, spin=table.has_spin)
+    models = candidates(
+        tangential=table.has_tangential,
+        spin=table.has_spin,
+        timed=table.has_times,
+    )
     of_labels = kind in ("group", "parameter") and not table.has_tangential
     if len(table) < _LEAST_COMPARED or len(models) < 2 or of_labels:
         return ""

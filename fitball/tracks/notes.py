@@ -237,8 +237,8 @@ def _spin_notes(
             remedy = _reading_words(reading, implausible, camera)
         yield Note("spins-implausible", f"{words}. {remedy}.")
     if good and not any(impact.pairs for impact in good):
-        words = f"No spins were measured{of_session}. A fit takes incident spins as zero"
-        yield Note("no-spins", f"{words}: its intervals are too narrow for balls that spin.")
+        words = f"No mark was seen{of_session}: k_theta will not be determined"
+        yield Note("no-spins", f"{words}, and incident spins are unknown. Put a dot on the ball.")
 
 
 def _reading_words(reading: Reading, impacts: Sequence[Impact], camera: CameraSection) -> str:

@@ -42,7 +42,11 @@ from fitball.inference.problem.problem import (
     Rows,
     base_of,
 )
-from fitball.inference.problem.row_errors import row_errors
+from fitball.inference.problem.row_errors import (
+    UNKNOWN_SPIN_SD,
+    row_errors,
+    with_unknown_spins,
+)
 from fitball.models.model import Model
 from fitball.models.registry import candidates, model_of_data, refuse_what_is_no_name
 from fitball.models.registry import model as model_of
@@ -263,7 +267,8 @@ def _measurements(
     """
     columns = [observable.column.name for observable in observables]
     bare = [observable.column.name for observable in observables if observable.noise in noiseless]
-    errors = row_errors(table, columns, bare)
+    read = with_unknown_spins(table) if forward.model.tangential else table
+    errors = row_errors(read, columns, bare)
     sd = np.zeros((len(table), len(columns)))
     if errors is None:
         unstated = np.zeros(len(table))
@@ -288,7 +293,14 @@ def _model_of_problem(
     tangential = table.has_tangential
     ball = scene.ball_value()
     text = choices.model or str(scene.model.get("name", ""))
-    text = text or candidates(tangential=tangential, spin=table.has_spin)[-1]
+    text = (
+        text
+        or candidates(
+            tangential=tangential,
+            spin=table.has_spin,
+            timed=table.has_times,
+        )[-1]
+    )
     chosen = user_model
     if chosen is None:
         chosen = model_of_data(text, ball=ball, tangential=tangential)
@@ -301,7 +313,11 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         text = "No motion along the court was measured: only the vertical one is fitted."
         notes.append(Note("vertical-only", text))
     elif not table.has_spin:
-        text = "No spin was measured: incident spin is taken as zero, and offsets are held at 0."
+        text = (
+            "No spin was measured: each incident spin is unknown, 0 ± "
+            f"{UNKNOWN_SPIN_SD:.0f} rad/s, and offsets are held at 0. Of balls without spin state "
+            "a column omega_1 = 0."
+        )
         notes.append(Note("no-spin", text))
     elif "omega_1" not in table.values:
         notes.append(
