@@ -66,3 +66,19 @@ def test_a_table_of_text_is_read_whatever_its_ending(tmp_path, name):
     path = tmp_path / name
     path.write_text("v_y1,v_y2\n5,4\n4,3\n6,5\n", encoding="utf-8")
     assert len(fitball.load_table(path)) == 3
+
+
+def test_a_file_of_bytes_is_no_damaged_text(tmp_path):
+    """Random bytes are none that could be saved as text; a zero in a text is."""
+    path = tmp_path / "rig.dat"
+    text = b"v_y1,v_y2\n5,4\n4,3\n6,5\n"
+    noise = np.random.default_rng(1).integers(0, 256, 4000, dtype=np.uint8).tobytes()
+    wide = text.decode().encode("utf-16-le")
+    codes = {}
+    for name, data in {"noise": noise, "zero": text + b"5,\x004\n", "wide": wide}.items():
+        path.write_bytes(data)
+        try:
+            codes[name] = len(fitball.load_table(path))
+        except InputError as error:
+            codes[name] = error.code
+    assert codes == {"noise": "other-format", "zero": "encoding", "wide": 3}

@@ -86,6 +86,9 @@ _TEXTS = (".json", ".xml")
 _FIRST_BYTES = 4096
 # Bytes that no text has: control characters but tabs, ends of lines and pages, and Ctrl-Z.
 _CONTROLS = {*range(32)} - {*b"\t\n\r\f\x1a"}
+# Share of these, but for the zeros of UTF-16, from which a file is no damaged text. Of random bytes
+# a tenth are such.
+_BINARY_SHARE = 0.05
 # Endings of films and of projects about films, which people have beside their positions.
 _FILMS = "mp4 mov avi mkv m4v wmv webm mts m2ts mpg mpeg cine gif trk trz kva 3gp flv"
 # First bytes of a workbook, a zip archive or one of the older kind, and of Parquet.
@@ -121,6 +124,11 @@ def refuse_foreign(path: str, data: bytes) -> None:
         if data.startswith(magic) and ending not in _FORMATS:
             raise _refusal(path, f"is no text, but a file {other}: rename it to that ending")
     if ending not in _FORMATS:
+        first = data[:_FIRST_BYTES]
+        controls = sum(byte in _CONTROLS for byte in first if byte)
+        if controls > _BINARY_SHARE * len(first):
+            words = "is no text: export its table as CSV from the program that wrote it"
+            raise _refusal(path, words)
         return
     what, package, call = _FORMATS[ending]
     if not package:
