@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 from support.films import RADIUS, flight
+from support.near import assert_near, assert_within
 
 import fitball
 from fitball.base.errors import InputError
@@ -23,12 +24,20 @@ BOUNCES = 4
 
 def fall_time(falling, landing):
     """The time [s] before landing at which a ball that lands so fast was at rest."""
-    return -brentq(lambda t: falling(t)[3], -1.2 * landing / 9.8, 0.0)
+    return -brentq(
+        lambda t: falling(t)[3],
+        -1.2 * landing / 9.8,
+        0.0,
+    )
 
 
 def rise_time(rising, launch):
     """The time [s] after launch at which the ball is back on the ground."""
-    return brentq(lambda t: rising(t)[1], 0.05, 2.2 * launch / 9.8)
+    return brentq(
+        lambda t: rising(t)[1],
+        0.05,
+        2.2 * launch / 9.8,
+    )
 
 
 def bounced(rate, noise, seed=0):
@@ -37,7 +46,14 @@ def bounced(rate, noise, seed=0):
     """
     rng = np.random.default_rng(seed)
     landing = FIRST_LANDING
-    falling = flight(0.0, -landing, 0.0, 0.507, 0.0, -1.0)
+    falling = flight(
+        0.0,
+        -landing,
+        0.0,
+        0.507,
+        0.0,
+        -1.0,
+    )
     lands = fall_time(falling, landing)
     t = np.arange(0.0, 10.0, 1.0 / rate)
     heights = np.where(t < lands, falling(np.minimum(t - lands, 0.0))[1], np.nan)
@@ -77,8 +93,12 @@ def test_heights_over_time_are_drops(rate, noise):
     assert np.abs((values - truth) / sds).max() < 3.5
     assert np.abs(values / truth - 1.0).max() < 0.02
     assert "heights-alone" in {note.code for note in film.notes}
-    fit = fitball.calibrate(film.table, scene=film.scene, point_only=True)
-    assert fit.derived["cor_median"].point == pytest.approx(COR, abs=0.01)
+    fit = fitball.calibrate(
+        film.table,
+        scene=film.scene,
+        point_only=True,
+    )
+    assert_within(fit.derived["cor_median"].point, COR, 0.01)
     assert "camera-idle" not in {note.code for note in fit.notes}
 
 
@@ -96,7 +116,7 @@ def test_heights_may_have_the_names_of_sensors_and_grow_downwards():
     assert refused.value.code == "gravity"
     assert 'y = "down"' in str(refused.value)
     film = fitball.track(from_above, scene=Scene(camera=CameraSection(y="down")))
-    assert speeds_of(film)[0] == pytest.approx(expected, rel=1e-4)
+    assert_near(speeds_of(film)[0], expected, 1e-4)
 
 
 def test_outliers_of_heights_are_left_out():
@@ -123,11 +143,22 @@ def test_errors_of_heights_that_last_are_noticed():
     """A sensor that smooths: neighbours have a correlation of 0.8."""
     t, y, _ = bounced(240.0, 0.0)
     rng = np.random.default_rng(3)
-    error = lfilter([1.0], [1.0, -0.8], 2e-3 * rng.standard_normal(t.size))
+    error = lfilter(
+        [1.0],
+        [1.0, -0.8],
+        2e-3 * rng.standard_normal(t.size),
+    )
     smoothed = fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y + error}))
     assert "lasting-errors" in {note.code for note in smoothed.notes}
     independent = rng.permutation(error)
-    plain = fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y + independent}))
+    plain = fitball.track(
+        pd.DataFrame(
+            {
+                "t [s]": t,
+                "y [m]": y + independent,
+            }
+        )
+    )
     assert "lasting-errors" not in {note.code for note in plain.notes}
 
 
