@@ -108,6 +108,7 @@ def _of_fit(fit: Fitted) -> dict[str, object]:
         ],
         "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
         "derived": {name: _estimate(estimate) for name, estimate in fit.derived.items()},
+        "modes": [asdict(mode) for mode in fit.modes],
         "correlation": None,
     }
     if fit.posterior is not None:

@@ -15,7 +15,7 @@ from fitball.inference.forward import Draws
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.fall import FALL_SPECS
 from fitball.inference.problem.problem import COMMON_PARAMETERS, Problem
-from fitball.inference.schema import Adequacy, Estimate, Judgement
+from fitball.inference.schema import Adequacy, Estimate, Judgement, Mode
 from fitball.inference.summary import summarise
 from fitball.models.specs import BALL_PARAMETERS
 
@@ -23,7 +23,7 @@ from fitball.models.specs import BALL_PARAMETERS
 _SENTENCES = (
     ("identified", "The data determine {}."),
     ("given", "They determine {} only under the model assumptions listed below."),
-    ("conditional", "Values of {} hold only as far as the model describes the data."),
+    ("conditional", "Values of {} hold only under a condition that their reasons name."),
     ("one-sided", "They limit {} on one side."),
     ("prior-dominated", "They do not determine {}: the value is that of the prior."),
     ("extrapolated", "Nothing was measured near {}."),
@@ -123,11 +123,17 @@ def notes_of_best_outside(reported: Sequence[Estimate]) -> list[Note]:
     return [Note("best-outside", text)]
 
 
-def headline(tested: Adequacy, reported: Sequence[Estimate]) -> str:
-    """The headline of a fit: the sentence of its adequacy, and one for each verdict that a quantity
-    of interest has.
+def headline(
+    tested: Adequacy,
+    reported: Sequence[Estimate],
+    modes: Sequence[Mode] = (),
+) -> str:
+    """The headline of a fit: the sentence of its adequacy, one on the modes of its posterior if
+    there are several, and one for each verdict that a quantity of interest has.
     """
     sentences = [tested.sentence]
+    if modes:
+        sentences.append(f"The posterior has {len(modes)} separate solutions.")
     for verdict, words in _SENTENCES:
         names = [
             estimate.name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
@@ -23,7 +23,15 @@ from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.judgement.profile import profiles
 from fitball.inference.judgement.verdict import judge, qualify
+from fitball.inference.modes import (
+    doubts_of,
+    modes_of,
+    notes_of,
+    parts_of_posterior,
+    with_mass_first,
+)
 from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.parts import ONE_PART
 from fitball.inference.sampling.sample import sample
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.least_squares import least_squares
@@ -70,17 +78,18 @@ def _calibrate(
     """The stages of a fit in turn, each of which is timed."""
     seconds: dict[str, float] = {}
     stage = partial(_stage, progress, seconds)
-    posterior = diagnostics = None
-    status: schema.FitStatus = "point only"
     with stage("searching"):
         point = best_fit(problem, effort.stream("search"))
+    posterior = diagnostics = None
+    parts = ONE_PART
     if not effort.point_only:
         with stage("sampling"):
             begin = [proposal(problem, problem.coordinates(values)) for values in point.optima]
             posterior, diagnostics = sample(problem, begin, effort, progress)
-            status = "converged" if diagnostics.converged else "not converged"
         with stage("searching"):
             point = _search_from_best_draw(problem, point, posterior, effort)
+            parts = parts_of_posterior(problem, point, posterior, diagnostics)
+            point = with_mass_first(problem, point, posterior, parts)
     with stage("judging"):
         first = first_order(problem, point)
         derived = problem.derived
@@ -92,26 +101,22 @@ def _calibrate(
         tried, fitted = alternatives(problem, point, Effort().stream("assumptions"))
         held = constants(problem, first, derived)
     with stage("judging"):
-        # Where the scene states no tilt, half a degree is tried, which moves values of most tables:
-        # no verdict rests on that.
-        names = {parameter.spec.name for parameter in problem.parameters}
-        sure = tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
         bounds = at_bounds(problem, point, first, derived)
         draws = draws_of(problem, point, posterior, effort)
+        modes = modes_of(problem, point, posterior, draws, parts)
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
-        rests = what_values_rest_on(tried, sure, fitted)
-        judged = qualify(within, tested, rests, bounds.doubts())
+        rests = what_values_rest_on(tried, _sure(problem, held), fitted)
+        judged = qualify(within, tested, rests, bounds.doubts() | doubts_of(problem, modes))
         squares = least_squares(problem, point)
         parameters, following = estimates(problem, draws, judged)
         reported = [*parameters.values(), *following.values()]
-        notes = [*problem.table.notices, *problem.notes]
-        notes += [Note("no-profiles", why)] if why else []
-        notes += [*bounds.notes(problem), *notes_of_best_outside(reported)]
+        further = [*notes_of(problem, modes), *bounds.notes(problem)]
+        further += notes_of_best_outside(reported)
     return Fitted(
         run=run_of(problem, effort),
-        status=status,
-        headline=headline(tested, reported),
-        notes=tuple(notes),
+        status=_status(diagnostics),
+        headline=headline(tested, reported, modes),
+        notes=(*problem.table.notices, *problem.notes, *_no_profiles(why), *further),
         parameters=parameters,
         derived=following,
         point=point,
@@ -123,8 +128,29 @@ def _calibrate(
         alternatives=tried,
         constants=held,
         seconds=seconds,
+        modes=modes,
         own=user_model,
     )
+
+
+def _no_profiles(why: str) -> list[Note]:
+    """The note (`no-profiles`) that there are none, with the reason; none where that is empty."""
+    return [Note("no-profiles", why)] if why else []
+
+
+def _status(diagnostics: schema.Diagnostics | None) -> schema.FitStatus:
+    """Whether a fit has draws that converged."""
+    if diagnostics is None:
+        return "point only"
+    return "converged" if diagnostics.converged else "not converged"
+
+
+def _sure(problem: Problem, held: Sequence[schema.Constant]) -> tuple[schema.Constant, ...]:
+    """The held constants on which verdicts may rest. Where the scene states no tilt, half a degree
+    is tried, which moves values of most tables: no verdict rests on that.
+    """
+    names = {parameter.spec.name for parameter in problem.parameters}
+    return tuple(constant for constant in held if constant.name != "tilt" or "tilt" in names)
 
 
 def _search_from_best_draw(

@@ -125,8 +125,8 @@ class Fitted:
     """A calibration. Its fields are stored, but for `own`, a user's own model.
 
     What follows from them in under a second is computed when first asked for and never stored:
-    problem, draws, frames. Two are equal (`==`) if all but times, cores and notes is equal to the
-    last digit.
+    problem, draws, frames. `modes` are those of a posterior that has several. Two are equal (`==`)
+    if all but times, cores and notes is equal to the last digit.
     """
 
     run: Run
@@ -144,6 +144,7 @@ class Fitted:
     alternatives: tuple[schema.Alternative, ...]
     constants: tuple[schema.Constant, ...]
     seconds: Mapping[str, float]
+    modes: tuple[schema.Mode, ...] = ()
     own: Model | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:

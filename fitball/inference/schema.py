@@ -46,14 +46,25 @@ class Summary(Struct, frozen=True):
 
 
 class PointFit(Struct, frozen=True):
-    """The best fit: the `optima` (all parameters by name) and their log posteriors, best first; the
-    log likelihood, and the rms residual of each column in SI, at the best.
+    """The best fit: the `optima` (all parameters by name) and their log posteriors, highest first
+    but for the maxima of modes, which come before, that of the largest share first; the log
+    likelihood, and the rms residual of each column in SI, at the first.
     """
 
     optima: tuple[Mapping[str, float], ...]
     log_posterior: tuple[float, ...]
     log_likelihood: float
     rms: Mapping[str, float]
+
+
+class Mode(Struct, frozen=True):
+    """A mode of the posterior, of several: its `share` of the draws with Monte Carlo `error`, and
+    the `summaries` of quantities by name, of its draws alone; `point` of each is at its maximum.
+    """
+
+    share: float
+    error: float
+    summaries: Mapping[str, Summary]
 
 
 class LeastSquares(Struct, frozen=True):

@@ -317,7 +317,8 @@ def _evidence_of_derived(
     return Evidence(
         quantity.spec,
         np.nan,
-        elsewhere=any(parent.rule == "elsewhere" for parent in parents.values()),
+        elsewhere=not quantity.extrapolated
+        and any(parent.rule == "elsewhere" for parent in parents.values()),
         extrapolated=BEYOND_WORDS if quantity.extrapolated else "",
         open=tuple(undetermined),
         bounded=tuple(bounded),
