@@ -119,6 +119,18 @@ def test_heights_may_have_the_names_of_sensors_and_grow_downwards():
     assert_near(speeds_of(film)[0], expected, 1e-4)
 
 
+def test_check_of_positions_names_the_verb_that_reads_them(tmp_path):
+    path = tmp_path / "sensor.csv"
+    t, y, truth = bounced(60.0, 1e-3)
+    np.savetxt(path, np.column_stack([t, y]), delimiter=",", header="t [s],y [m]", comments="")
+    with pytest.raises(InputError) as refused:
+        fitball.load_table(path)
+    assert refused.value.faults[0].code == "no-incident"
+    _, _, file = refused.value.faults[0].message.partition("fitball track ")
+    film = fitball.track(file)
+    assert len(film.impacts) == len(truth)
+
+
 def test_outliers_of_heights_are_left_out():
     """By the model of a fit a frame that is 9 mm off is none of a noise of 1 mm, in a plane or on
     a line.
