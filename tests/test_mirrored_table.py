@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 import fitball
 from fitball.base.columns import MIRRORED
 from fitball.data.balances import impact_balances
+from fitball.report.figures.shared import to_one_side
 from fitball.uses.lab import measured_pace
 
 ROWS = 24
@@ -78,6 +79,21 @@ def test_predictions_of_its_rows_are_mirror_images(fits):
         assert_allclose(mirrored[name], turned * plain[name], rtol=1e-6, atol=1e-9)
     assert (mirrored["v_x1"] == side * plain["v_x1"]).all()
     assert (mirrored["regime"] == plain["regime"]).all()
+
+
+def test_figures_draw_it_as_if_all_balls_flew_to_one_side(fits):
+    plain, mirrored = fits
+    names = ["along", "point"]
+    assert_allclose(mirrored.curves[names], plain.curves[names], rtol=1e-7, atol=1e-9)
+    assert mirrored.curves["series"].tolist() == plain.curves["series"].tolist()
+    drawn = to_one_side(mirrored.predictions)
+    names = ["theta_1", "omega_1", "v_x1", "observed", "point", "z", "series"]
+    assert_allclose(drawn[names], plain.predictions[names], rtol=1e-6, atol=1e-9)
+    assert np.isnan(drawn["median"]).all()
+    # An angle of 140 degrees is the mirror image of one of 40.
+    frame = plain.predictions.head(2).assign(column="theta_2", observed=[2.5, 0.6], v_x1=[-9.0, 9])
+    turned = to_one_side(frame)["observed"].to_numpy()
+    assert turned == pytest.approx([np.pi - 2.5, 0.6], rel=1e-12)
 
 
 def test_balances_of_its_rows_are_the_same():

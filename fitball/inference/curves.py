@@ -86,7 +86,7 @@ def series(problem: Problem) -> tuple[tuple[Series, ...], Annotated[IntArray, "i
     for each level.
     """
     forward = problem.forward
-    states = problem.rows.states
+    states = problem.rows.states.forwards
     tangential = forward.model.tangential
     radius = forward.model.ball.radius
     speeds_and_spins = _SpeedsAndSpins(states.polar()[0], states.omega_1, radius)
@@ -168,7 +168,7 @@ def curves_frame(problem: Problem, draws: Draws) -> DataFrame:
 
     all_series, which = series(problem)
     tangential = problem.forward.model.tangential
-    states = problem.rows.states
+    states = problem.rows.states.forwards
     along_of_impacts = states.polar()[1] if tangential else states.v_y1
     count = len(next(iter(draws.values.values())))
     rows = evenly_spread(count, _DRAWS)

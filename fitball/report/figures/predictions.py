@@ -32,6 +32,7 @@ from fitball.report.figures.shared import (
     series_legend,
     series_styles,
     split_by_series,
+    to_one_side,
 )
 from fitball.report.frame_rows import frame_rows
 from fitball.report.quantities import column_unit, figure_text, median_or_point
@@ -74,7 +75,7 @@ def draw_curves(fit: Fitted) -> Figure:
     series.
     """
     lines = fit.curves
-    measured = fit.predictions
+    measured = to_one_side(fit.predictions)
     columns = list(dict.fromkeys(lines["column"]))
     styles = series_styles(lines)
     across = 2 if len(columns) > _MOST_BELOW else 1
@@ -229,7 +230,7 @@ def draw_residuals(fit: Fitted) -> Figure:
     """Draw residuals in sds of the noise, a row a column, over the incident state and the order of
     rows.
     """
-    frame = fit.predictions.dropna(subset=["z"])
+    frame = to_one_side(fit.predictions.dropna(subset=["z"]))
     styles = series_styles(fit.curves)
     columns = list(dict.fromkeys(frame["column"]))
     over = [name for name in _OVER if np.ptp(frame[name]) > _VARIES * frame[name].abs().max()]

@@ -10,7 +10,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray
+from fitball.base.columns import MIRRORED_DEVIATIONS, STATE
+from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray, Impacts
 from fitball.report.frame_rows import frame_rows
 from fitball.report.quantities import figure_text
 from fitball.report.style import (
@@ -67,6 +68,23 @@ def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
         marker = SERIES_MARKERS[k % len(SERIES_MARKERS)]
         by_series[row.count("series")] = SeriesStyle(colour, marker, colour, name)
     return by_series
+
+
+def to_one_side(frame: DataFrame) -> DataFrame:
+    """Rows of the frame `predictions` as if all balls flew towards positive v_x: incident state,
+    `observed`, `point`, `median` and `z`.
+    """
+    states = Impacts(*(frame[name].to_numpy(np.float64) for name in STATE))
+    side = states.side
+    angle = frame["theta_1"].to_numpy(np.float64)
+    turned = {**vars(states.forwards), "theta_1": np.where(side < 0.0, np.pi - angle, angle)}
+    is_angle = (frame["column"] == "theta_2").to_numpy(np.bool_)
+    turns = (side < 0.0) & frame["column"].isin(MIRRORED_DEVIATIONS).to_numpy(np.bool_)
+    for name in ("observed", "point", "median", "z"):
+        values = frame[name].to_numpy(np.float64)
+        opposite = np.pi * (is_angle & (name != "z")) - values
+        turned[name] = np.where(turns, opposite, values)
+    return frame.assign(**turned)
 
 
 def split_by_series(
