@@ -102,6 +102,7 @@ SHAPES = (
         "dropped.csv", "pandas", "to_csv of a DeepLabCut table after dropna", "scorer,DLC,DLC,DLC"
     ),
     Shape("dropped.h5", "tables", "to_hdf of the same", "df_with_missing"),
+    Shape("labelled.h5", "tables", "to_hdf of labelled pictures", "df_with_missing"),
     Shape("index.csv", "pandas", "to_csv after dropna", ",x,y"),
     Shape(
         "trackpy.csv",
@@ -213,7 +214,9 @@ def write_deeplabcut(folder: Path) -> None:
     dropped = table.dropna()
     dropped.to_csv(folder / "dropped.csv")
     pictures = [("labeled-data", "film", f"img{frame:04d}.png") for frame in FRAME.tolist()]
-    dropped.set_axis(pd.MultiIndex.from_tuples(pictures)).to_csv(folder / "labelled.csv")
+    labelled = dropped.set_axis(pd.MultiIndex.from_tuples(pictures))
+    labelled.to_csv(folder / "labelled.csv")
+    labelled.to_hdf(folder / "labelled.h5", key="df_with_missing", mode="w")
     dropped.to_hdf(folder / "dropped.h5", key="df_with_missing", format="table", mode="w")
 
 

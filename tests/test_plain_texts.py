@@ -18,6 +18,7 @@ from support.trackers import (
     clip,
     csv_text,
     deeplabcut,
+    labelled_hdf5,
     mot_boxes,
     mtrack2,
 )
@@ -176,8 +177,11 @@ def test_labelled_pictures_have_three_columns_of_an_index(tmp_path):
     assert_is_the_bounce(track, places=1e-9)
     assert track.id == "film7"
     assert {"rows-counted", "above-header"}.isdisjoint(notes)
-    (track,), _ = read_tracks([table], Scene(camera=CameraSection(**CAMERA)), {})
-    assert_is_the_bounce(track, places=1e-9)
+    labelled_hdf5(tmp_path / "CollectedData.h5", table)
+    for source in (table, tmp_path / "CollectedData.h5"):
+        (track,), _ = read_tracks([source], Scene(camera=CameraSection(**CAMERA)), {})
+        assert_is_the_bounce(track, places=1e-9)
+        assert track.id == "film7"
 
 
 def test_pictures_of_several_films_are_several_clips(tmp_path):

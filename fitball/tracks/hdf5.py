@@ -213,7 +213,7 @@ def _of_table(source: str, group: Group) -> _Columns:
         levels += _pickled(table.attrs[f"{name}_kind"])
         block = rows[name].reshape(len(rows), -1)
         columns += [_array(block[:, k]) for k in range(block.shape[1])]
-    return _with_levels(_array(rows[index]), levels, columns)
+    return _with_levels([_array(rows[index])], levels, columns)
 
 
 def _of_blocks(source: str, group: Group) -> _Columns:
@@ -228,11 +228,16 @@ def _of_blocks(source: str, group: Group) -> _Columns:
         block = _values(source, values)
         levels += zip(*labels, strict=True)
         columns += [_array(block[:, k]) for k in range(block.shape[1])]
-    return _with_levels(_array(group["axis1"][()]), levels, columns)
+    # An index of several levels, as of labelled pictures, is written as names of columns are.
+    count = int(group.attrs.get("axis1_nlevels", 1))
+    index = [texts_of(_level(group, "axis1", level, count)) for level in range(count)]
+    if count == 1:
+        index = [_array(group["axis1"][()])]
+    return _with_levels(index, levels, columns)
 
 
 def _level(group: Group, items: str, level: int, count: int) -> list[str]:
-    """The names of columns in a level."""
+    """The names of columns, or of rows, in a level."""
     if count == 1:
         return [_text(name) for name in group[items][()]]
     names = [_text(name) for name in group[f"{items}_level{level}"][()]]
@@ -240,21 +245,24 @@ def _level(group: Group, items: str, level: int, count: int) -> list[str]:
 
 
 def _with_levels(
-    index: CellArray,
+    index: list[CellArray],
     levels: Sequence[Sequence[Any]],
     columns: list[CellArray],
 ) -> _Columns:
-    """The columns of a DataFrame behind its index; several levels of names stand above each other
-    as in a table of DeepLabCut.
+    """The columns of a DataFrame behind those of its index; several levels of names stand above
+    each other as in a table of DeepLabCut.
     """
     *above, names = (
         [*map(cell_text, level)] for level in zip(*map(_as_tuple, levels), strict=True)
     )
+    others = [f"{INDEX} {k}" for k in range(2, len(index) + 1)]
     if not above:
-        return _Columns([INDEX, *names], [index, *columns], [])
+        return _Columns([INDEX, *others, *names], [*index, *columns], [])
     heads = _HEADS if len(above) == len(_HEADS) else (_HEADS[0], _HEADS[-1])
-    rows_above = [[head, *row] for head, row in zip(heads[-len(above) :], above, strict=True)]
-    return _Columns(["coords", *names], [index, *columns], rows_above)
+    blank = [""] * len(others)
+    of_levels = zip(heads[-len(above) :], above, strict=True)
+    rows_above = [[head, *blank, *row] for head, row in of_levels]
+    return _Columns(["coords", *others, *names], [*index, *columns], rows_above)
 
 
 def _as_tuple(name: Any) -> Sequence[Any]:

@@ -135,6 +135,23 @@ def deeplabcut_hdf5(path, table, names_of_columns=None):
         dataset.attrs["values_block_0_kind"] = np.bytes_(names_of_columns or names)
 
 
+def labelled_hdf5(path, table):
+    """Write a DataFrame whose index has several levels as pandas does, in its fixed format: levels
+    of names and of rows have their texts, and labels by place.
+    """
+    with h5py.File(path, "w") as file:
+        group = file.create_group("df_with_missing")
+        group.attrs["pandas_type"] = np.bytes_(b"frame")
+        group.attrs["nblocks"] = 1
+        for name, index in (("axis1", table.index), ("block0_items", table.columns)):
+            group.attrs[f"{name}_nlevels"] = index.nlevels
+            for k in range(index.nlevels):
+                labels, texts = pd.factorize(index.get_level_values(k))
+                group[f"{name}_level{k}"] = [text.encode() for text in texts]
+                group[f"{name}_label{k}"] = labels.astype(np.int8)
+        group["block0_values"] = table.to_numpy()
+
+
 def movement_dataset(path, animals=("ball",), parts=("centre",), in_frames=False, space="xy"):
     """Write a dataset of movement as xarray does in netCDF 4: axes have scales that name them.
     Without parts it is of boxes.
