@@ -121,7 +121,7 @@ def test_a_new_parameter_is_searched_from_quantiles_of_its_prior(name):
     problem = problem_of(table_of(REBOUND, count=8), None, "two-mass")
     changed = build_problem(problem.table, problem.scene, choices)
     assert {*changed.free} - {*problem.free} == {name}
-    starts = module._search_starts(changed, at(problem, near(problem, 1, 0.0)[0]))
+    starts = module.search_starts(changed, at(problem, near(problem, 1, 0.0)[0]))
     below, up_to = law.cdf(bounds)
     expected = law.ppf(below + np.array([0.16, 0.5, 0.84]) * (up_to - below))
     assert_allclose(np.unique(changed.values(starts)[name].round(6)), expected, atol=1e-6)

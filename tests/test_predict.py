@@ -289,6 +289,39 @@ def test_the_range_over_variants_that_fit_equally_well(fit):
     assert alone["variant_low"].isna().all()
 
 
+def test_new_measurements_are_as_uncertain_as_models_that_predict_as_well(fit):
+    base = dict(fit.draws.point)
+    state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
+    alone = fit.predict(state).frames["predictions"].set_index("column")
+
+    def widened(score, **values):
+        """The predictions with a variant of these values that scores so much more."""
+        every = {**base, **values}
+        words = ("other", "offset=contact", "grip-slip")
+        tried = (Alternative(*words, every, {}, score, 3.0, True),)
+        frame = fit_with_variants(tried=tried).predict(state).frames["predictions"]
+        return frame.set_index("column")
+
+    shift = 15.0 - alone["point"]["v_x2"]
+    assert shift > 1.0
+    # Without friction v_x2 stays.
+    moved = widened(-3.5, mu=0.0)
+    ends = alone.loc["v_x2", ["new_q025", "new_q975"]]
+    assert moved["new_q025"]["v_x2"] == ends.iloc[0]
+    assert moved["new_q975"]["v_x2"] == pytest.approx(ends.iloc[1] + shift, rel=1e-9)
+    assert moved["q975"].equals(alone["q975"])
+    # A noise that is larger by half.
+    noisy = widened(None, v_x_sd=1.5 * base["v_x_sd"])
+    middle = alone["median"]["v_x2"]
+    wider = middle + 1.5 * (ends - middle)
+    assert_allclose(noisy.loc["v_x2", ["new_q025", "new_q975"]].astype(float), wider.astype(float))
+    assert noisy.loc["omega_2", "new_q975"] == alone.loc["omega_2", "new_q975"]
+    # One of which a mixture has less than 2 % is named, and widens nothing.
+    behind = widened(-4.5, mu=0.0)
+    assert behind["new_q975"].equals(alone["new_q975"])
+    assert behind["variant_high"]["v_x2"] == pytest.approx(15.0)
+
+
 @pytest.mark.parametrize(
     ("answer", "code"),
     [("does not describe", "does-not-describe"), ("describes except", "exceptions")],

@@ -22,6 +22,7 @@ from fitball.inference.curves import curves_frame
 from fitball.inference.derived import Quantity, quantity_of
 from fitball.inference.effort import PREDICTION_DRAWS, Effort
 from fitball.inference.forward import Draws
+from fitball.inference.judgement.rivals import Rival, rivals
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import Choices, Problem
@@ -279,6 +280,18 @@ class Fitted:
                 "unknown-quantity",
             )
         return self._quantities[name]
+
+    @cached_property
+    def rivals(self) -> tuple[Rival, ...]:
+        """Models of another kind that predict left-out impacts as well as this one: some seconds.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.rivals
+            ()
+        """
+        return rivals(self.problem, self.point, self.run.effort.stream("rivals"))
 
     @cached_property
     def _quantities(self) -> Mapping[str, Quantity]:

@@ -35,6 +35,7 @@ class FitByHand(Fit):
 
     problem = property(lambda self: self.built.problem)
     draws = property(lambda self: self.built.draws)
+    rivals = ()
     all = property(lambda self: [*self.parameters.values(), *self.derived.values()])
     variants = cached_property(
         lambda self: frames.variants_frame(self.all, self.alternatives, self.constants)

@@ -74,7 +74,7 @@ RESAMPLED_DRAWS = 1000
 UNTRIED_MODEL = "model"
 
 
-class _FittedVariant(NamedTuple):
+class FittedVariant(NamedTuple):
     """A fitted variant of a problem: its maximum `best` (coordinates,), a proposal about that, and
     as `scores` the log predictive density (impacts,) of each impact from the others.
     """
@@ -103,7 +103,7 @@ def alternatives(
     model = problem.forward.model
     rows = evenly_spread(count, ALTERNATIVE_ROWS)
     x = problem.coordinates(point.optima[0])
-    base = _fit_variant(problem.on_rows(rows), x[None], rng)
+    base = fit_variant(problem.on_rows(rows), x[None], rng)
     wider = np.ones(x.size)
     if count > len(rows):
         sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
@@ -129,10 +129,10 @@ def alternatives(
                 if np.array_equal(changed_density, density):
                     continue
             name, _, option = choice.partition("=")
-            starts = _search_starts(posed, point)
+            starts = search_starts(posed, point)
             if name == LAW_CHOICE:
                 starts = _starts_of_law(option, posed, problem, point)
-            there = _fit_variant(posed, starts, rng)
+            there = fit_variant(posed, starts, rng)
             tried.append(_compare(choice, instead_of, base, there, to_all, rng))
         except FitballError as error:
             tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
@@ -182,7 +182,7 @@ def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model
             yield f"noise={kind}", f"noise={noise.name}", changed, model
 
 
-def _search_starts(posed: Problem, point: PointFit) -> FloatArray:
+def search_starts(posed: Problem, point: PointFit) -> FloatArray:
     """Coordinates (starts, coordinates) from which a variant is searched: the fit's best optima,
     with new parameters at quantiles of their priors, and the same with friction so high that all
     impacts grip.
@@ -216,7 +216,7 @@ def _draws_about(
     return np.clip(about.draw(rng, count), prior.low, prior.high)
 
 
-def _fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> _FittedVariant:
+def fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> FittedVariant:
     """The best fit of a variant. Kinks of the density stop a search: after searches from `starts`
     (starts, coordinates) others begin at the best of many draws about what these reach.
 
@@ -234,7 +234,7 @@ def _fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator)
     x, cost, _ = descend(Objective(problem), again, FINE_GAIN)
     best = x[np.argmin(cost)]
     about = proposal(problem, best)
-    return _FittedVariant(problem, best, about, leave_one_out_density(problem, about))
+    return FittedVariant(problem, best, about, leave_one_out_density(problem, about))
 
 
 def leave_one_out_density(
@@ -275,11 +275,34 @@ def leave_one_out_density(
     return np.asarray(density - fall)
 
 
+class ScoreGap(NamedTuple):
+    """By how much a variant scores more than a fit, with standard `error`; None of few impacts.
+    Whether it is surely `worse` or `better`.
+    """
+
+    score: float | None
+    error: float
+    worse: bool
+    better: bool
+
+
+def score_gap(base: FittedVariant, there: FittedVariant) -> ScoreGap:
+    """The scores of a variant beside those of the fit `base` of the same rows."""
+    gaps = there.scores - base.scores
+    count = len(gaps)
+    if count < LEAST_SCORED_IMPACTS:
+        return ScoreGap(None, 0.0, worse=False, better=False)
+    score = float(gaps.sum())
+    error = float(np.sqrt(count) * np.std(gaps, ddof=1))
+    sure = max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
+    return ScoreGap(score, error, worse=score < -sure, better=score > sure)
+
+
 def _compare(
     choice: str,
     instead_of: str,
-    base: _FittedVariant,
-    there: _FittedVariant,
+    base: FittedVariant,
+    there: FittedVariant,
     to_all: Mapping[str, FloatArray],
     rng: np.random.Generator,
 ) -> Alternative:
@@ -292,7 +315,6 @@ def _compare(
     """
     posed = there.problem
     prior = there.problem.prior
-    count = len(base.scores)
     x, log_weights, k = importance(
         lambda q: log_posterior(posed, q),
         [there.about],
@@ -312,15 +334,7 @@ def _compare(
     deviation = np.vstack([there.best, x]) - there.best
     q = there.best + move + wider * deviation
     q = np.clip(q, prior.low, prior.high)
-    gaps = there.scores - base.scores
-    score = None
-    error = 0.0
-    if count >= LEAST_SCORED_IMPACTS:
-        score = float(gaps.sum())
-        error = float(np.sqrt(count) * np.std(gaps, ddof=1))
-    sure = max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
-    worse = score is not None and score < -sure
-    better = score is not None and score > sure
+    gap = score_gap(base, there)
     values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
     alike = posed.forward.noise.name == base.problem.forward.noise.name
     return Alternative(
@@ -329,10 +343,10 @@ def _compare(
         posed.forward.model.text,
         values,
         _summaries(posed, q, alike),
-        score,
-        error,
-        not worse,
-        better=better,
+        gap.score,
+        gap.error,
+        not gap.worse,
+        better=gap.better,
     )
 
 
