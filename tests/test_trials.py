@@ -164,3 +164,37 @@ def test_a_unit_in_the_header_is_corrected_there():
     error = refusal(headed)
     assert not options_in(error.hints[0])
     assert all(f"'{name} [rpm]'" in error.hints[0] for name in misread.SPINS)
+
+
+@pytest.mark.parametrize(
+    ("head", "columns"),
+    [
+        ("v_y1,v_y22", {"v_y2": "v_y22"}),
+        ("vv_y1,v_y22", {"v_y1": "vv_y1", "v_y2": "v_y22"}),
+        # Read so it would rebound faster than it came.
+        ("v_y22,v_y1", {}),
+    ],
+)
+def test_a_slip_of_a_name_is_an_option_where_the_table_can_be_read_so(tmp_path, head, columns):
+    path = tmp_path / "t.csv"
+    path.write_text(f"{head}\n7,5.2\n8,5.9\n9,6.6\n")
+    error = refusal(path)
+    assert error.code == "misspelt-column"
+    messages = [fault.message for fault in error.faults if fault.code == error.code]
+    assert all(options_in(message).get("columns", {}) == columns for message in messages)
+    if columns:
+        assert len(fitball.load_table(path, columns=columns)) == 3
+
+
+def test_all_columns_that_contradict_are_left_out_together():
+    """None of them alone would do, as of units that two programs wrote."""
+    right, _ = misread.table("wide", 3)
+    both = right | {name: v * 1.5 for name, v in misread.polar(right).items() if "v_" in name}
+    error = refusal(both)
+    assert {fault.code for fault in error.faults} == {"contradiction"}
+    ignored = {re.search(r"--ignore ([\w,]+)", fault.message)[1] for fault in error.faults}
+    assert ignored == {"v_1,v_2"}
+    assert len(fitball.load_table(both, ignore=ignored.pop())) == 30
+    # A rebound that is too fast is not mended by leaving speeds out.
+    error = refusal(both | {"v_y2": right["v_y1"] * 3.0, "v_y1": right["v_y2"]})
+    assert "--ignore" not in " ".join(fault.message for fault in error.faults)

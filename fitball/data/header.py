@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from fitball.base.columns import COLUMNS, OTHER_FORMS
 from fitball.base.errors import ParameterError, suggestion
-from fitball.base.text import listed
+from fitball.base.text import as_pairs, listed
 from fitball.base.units import assumed_symbol, factor_of, symbol_of, symbol_within
 from fitball.data.error_columns import ErrorColumns, error_columns, plain_name, says_error
 from fitball.data.lexicon import (
@@ -172,8 +172,9 @@ class Header:
     `factors` to SI (NaN where the unit is a fault) and the symbols of their `units`, stated or
     assumed; `labels` of all others, by their own names where we know none. `guesses` are unknown
     columns by the name that each may mean, as `--columns` takes them, `named` those that the user
-    has named in that form. `shares` are sds that are shares of their column. `refused_errors` has
-    by NAME_sd what is wrong with errors.
+    has named in that form. `slips` are unknown columns with the names of ours that they may be
+    slips of. `shares` are sds that are shares of their column. `refused_errors` has by NAME_sd what
+    is wrong with errors.
     """
 
     numbers: Mapping[str, int]
@@ -184,6 +185,7 @@ class Header:
     shares: Collection[str] = ()
     refused_errors: Mapping[str, str] = field(default_factory=dict)
     unread_errors: Collection[int] = ()
+    slips: Mapping[str, Sequence[str]] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -192,7 +194,7 @@ class Header:
         where nothing is guessed.
         """
         columns = {**self.named, **self.guesses} if self.guesses else {}
-        return ",".join(f"{ours}={theirs}" for ours, theirs in columns.items())
+        return as_pairs(columns)
 
 
 class _Title(NamedTuple):
@@ -220,10 +222,11 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
     numbers = dict[str, int]()
     labels = dict[str, int]()
     units = dict[str, str | None]()
+    slips = dict[str, Sequence[str]]()
     for index, title in enumerate(titles):
         column = title.ours
         if column is None:
-            _check_unknown(cells, title.cell, title.name, ours)
+            slips[title.name] = _check_unknown(cells, title.cell, title.name, ours)
             labels.setdefault(title.name, index)
         elif column in numbers or column in labels:
             words = f"'{title.cell}' and another column are both '{column}'; keep one of them"
@@ -242,7 +245,17 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
     guesses = _guesses(titles)
     factors, symbols = _factors(cells, numbers, units)
     shares = [column for column in numbers if _is_share(column, units)]
-    return Header(numbers, factors, symbols, labels, guesses, shares, errors.refused, errors.unread)
+    return Header(
+        numbers,
+        factors,
+        symbols,
+        labels,
+        guesses,
+        shares,
+        errors.refused,
+        errors.unread,
+        {their: near for their, near in slips.items() if near},
+    )
 
 
 def _errors_of(cells: TableCells, titles: Sequence[_Title], naming: Naming) -> ErrorColumns:
@@ -355,9 +368,11 @@ def _factors(
     return factors, symbols
 
 
-def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[str | None]) -> None:
-    """Add a fault where an unknown name is a slip of one of ours that is not there, or its brackets
-    do not match.
+def _check_unknown(
+    cells: TableCells, cell: str, name: str, taken: Collection[str | None]
+) -> Sequence[str]:
+    """Add a fault where an unknown name is a slip of one of ours that is not there, which are
+    returned, or its brackets do not match.
     """
     if "[" in cell and our_name(cell.split("[")[0]):
         words = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
@@ -366,14 +381,14 @@ def _check_unknown(cells: TableCells, cell: str, name: str, taken: Collection[st
         words = f"expected corr(a,b) of two columns: {', '.join(COLUMNS)}"
         cells.fault("unknown-correlation", words, cell)
     if len(guess_of(name)) == 1:
-        return
+        return ()
     end = end_of(name)
     free = [ours for ours in _SLIPPING if ours not in taken and end in (None, end_of(ours))]
     near = get_close_matches(name[:MOST_CHARACTERS].lower(), free, n=2, cutoff=_LEAST_LIKENESS)
     if near:
-        words = f"unknown column; did you mean {listed(map(repr, near), 'or')}?"
-        remedy = "Rename it, or give a column of your own a less similar name"
-        cells.fault("misspelt-column", f"{words} {remedy}", name)
+        words = f"unknown column, called nearly as {listed(near, 'or')}"
+        cells.fault("misspelt-column", f"{words}: rename it", name)
+    return near
 
 
 def _guesses(titles: Sequence[_Title]) -> dict[str, str]:

@@ -6,7 +6,6 @@ way and refused together.
 """
 
 import os
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -19,7 +18,7 @@ import numpy as np
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS, INCIDENT, RATIOS, REBOUND, SERIES
 from fitball.base.errors import InputError, ParameterError, suggestion
 from fitball.base.options import Names, read_texts
-from fitball.base.text import column_head, listed
+from fitball.base.text import as_pairs, column_head, from_pairs, listed
 from fitball.base.values import Ball, DataFrame, FloatArray, IntArray
 from fitball.data import checks
 from fitball.data.bundled import path_of_source
@@ -47,6 +46,7 @@ from fitball.data.trials import (
     columns_to_leave_out,
     tried_readings,
     with_tried_guesses,
+    with_tried_slips,
 )
 
 # A table, a file, `book.xlsx#sheet`, the name of a bundled table, a data frame, or columns by name.
@@ -219,7 +219,7 @@ def _names_of_file(cells: TableCells, header: Header, options: _Options) -> File
 def _names_of_table(table: ImpactTable) -> FileNames:
     """What a table that was read already has for the names of its file."""
     first = table.read[0] if table.read else {}
-    naming = Naming(_from_pairs(first.get("columns", "")))
+    naming = Naming(from_pairs(first.get("columns", "")))
     cells = {ours: naming.theirs.get(ours, ours) for ours in table.values}
     return FileNames(cells, naming, _names(first.get("flip", "")))
 
@@ -267,10 +267,10 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
             {
                 "source": source,
                 "sha256": cells.sha256,
-                "columns": _pairs(naming.columns),
+                "columns": as_pairs(naming.columns),
                 "flip": ",".join(flip),
                 "ignore": ",".join(ignore),
-                "units": _pairs(units),
+                "units": as_pairs(units),
                 **forms.read,
             },
         ),
@@ -289,9 +289,12 @@ def _header_of(cells: TableCells, options: _Options, attempt: Attempt) -> tuple[
     header = read_header(cells, options.naming, optional)
     header = with_proposals(cells, header, options.naming)
     names = _names_of_file(cells, header, options)
-    if options.proposes and header.guesses:
-        return with_tried_guesses(header, names, attempt), names
-    return replace(header, guesses={}), names
+    if not options.proposes:
+        return replace(header, guesses={}), names
+    cells.faults = with_tried_slips(cells.faults, header, names, attempt)
+    if header.guesses:
+        header = with_tried_guesses(header, names, attempt)
+    return header, names
 
 
 def _refuse_errors(cells: TableCells, header: Header, ignore: Sequence[str]) -> None:
@@ -438,23 +441,12 @@ def reading_of(table: ImpactTable) -> Reading:
     fit, in its units where they have none.
     """
     first = table.read[0] if table.read else {}
-    units = _from_pairs(first.get("units", ""))
-    columns = _from_pairs(first.get("columns", ""))
+    units = from_pairs(first.get("units", ""))
+    columns = from_pairs(first.get("columns", ""))
     for name, unit in units.items():
         their = columns.get(name, name)
         columns[name] = their if "[" in their else column_head(their, unit)
     return {"columns": columns, "flip": first.get("flip", "")}
-
-
-def _pairs(texts: Mapping[str, str]) -> str:
-    """A mapping as NAME=TEXT,NAME=TEXT."""
-    return ",".join(f"{name}={text}" for name, text in texts.items())
-
-
-def _from_pairs(text: str) -> dict[str, str]:
-    """The mapping of a text NAME=TEXT,NAME=TEXT; a TEXT may have commas."""
-    pairs = re.split(r",(?=\w+=)", text)
-    return dict(pair.split("=", 1) for pair in pairs if pair)
 
 
 def _names(option: object) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from fitball.base.columns import COLUMNS, FLIGHTS, HEIGHTS
 from fitball.base.errors import Fault
-from fitball.base.text import column_head, listed
+from fitball.base.text import as_pairs, column_head, listed
 from fitball.data.header import Header, Naming
 from fitball.data.misreading import Doubt
 from fitball.data.signs import flip_option
@@ -99,6 +99,41 @@ def _choices(guesses: Mapping[str, str], naming: Naming) -> Iterator[dict[str, s
             yield {ours: their}
 
 
+def with_tried_slips(
+    faults: Iterable[Fault], header: Header, names: FileNames, attempt: Attempt
+) -> list[Fault]:
+    """The faults, those of misspelt columns with the option that reads these, where one does."""
+    options = _options_of_slips(header, names, attempt)
+    with_options = list[Fault]()
+    for fault in faults:
+        is_slip = fault.code == "misspelt-column"
+        option = options.get(fault.column or "", "") if is_slip else ""
+        if option:
+            meant = f'unknown column; did you mean --columns "{option}"?'
+            words = f"{meant} Else give it a name that is less like ours"
+            with_options.append(replace(fault, message=words))
+        else:
+            with_options.append(fault)
+    return with_options
+
+
+def _options_of_slips(header: Header, names: FileNames, attempt: Attempt) -> dict[str, str]:
+    """By misspelt name what `--columns` takes to read it as meant, for all of them at once, else
+    for those with which alone the table can be read.
+    """
+    columns = names.naming.columns
+    of_all = {near[0]: their for their, near in header.slips.items()}
+    if of_all and attempt(Change({**columns, **of_all}, names.flip)):
+        return dict.fromkeys(header.slips, as_pairs({**columns, **of_all}))
+    options = dict[str, str]()
+    for their, near in header.slips.items():
+        for ours in near:
+            changed = {**columns, ours: their}
+            if their not in options and attempt(Change(changed, names.flip)):
+                options[their] = as_pairs(changed)
+    return options
+
+
 def columns_to_leave_out(faults: Iterable[Fault], names: FileNames, attempt: Attempt) -> str:
     """What `--ignore` takes so that no column contradicts others, as the `faults` say; empty where
     none does, or the table cannot be read so.
@@ -166,8 +201,7 @@ def _todo(doubt: Doubt, change: Change, renames: bool, names: FileNames) -> list
     if doubt.flip:
         todo.append(flip_option(names.flip, doubt.flip))
     if renames:
-        pairs = ",".join(f"{ours}={their}" for ours, their in change.columns.items())
-        todo.append(f'pass --columns "{pairs}"')
+        todo.append(f'pass --columns "{as_pairs(change.columns)}"')
     todo += [f"write '{new}' for '{old}' in the header" for old, new in change.header.items()]
     if doubt.remedy:
         todo.append(doubt.remedy)
