@@ -214,9 +214,10 @@ def test_a_constant_moves_values_as_a_refit_does(name, text, columns, step):
 
     def problem_with(constant):
         if name == "tilt":
-            scene = Scene(camera=CameraSection(tilt=constant))
+            scene = Scene(scene_of().ball, camera=CameraSection(tilt=constant))
         else:
-            ball = BallSection(**{name.removeprefix("ball_"): constant})
+            stated = {"inertia_ratio": USUAL["inertia_ratio"]}
+            ball = BallSection(**stated | {name.removeprefix("ball_"): constant})
             scene = Scene(ball=ball, contact_time=scene_of(time=True).contact_time)
         return problem_of(table, scene, text, fix=noises)
 

@@ -9,11 +9,13 @@ from support.answers import IMPACT, PARAMETERS
 from support.taylor import OUTPUTS
 
 import fitball
-from fitball.base.values import Impacts
+from fitball.base.values import Ball, Impacts
 from fitball.models.specs import SPECS
 
 with answers.HARD_CASES.open(encoding="utf-8") as file:
     CASES = {row["name"]: row for row in csv.DictReader(file)}
+# The ball of the cases.
+BALL = Ball(*taylor.BALL)
 # Of the scale of an output, besides twice what one rounding of each input makes (column
 # `rounding`).
 ROUNDING = 1e-15
@@ -26,7 +28,7 @@ def solved(row, **changes):
     text = "two-mass"
     if row["options"]:
         text += "+" + row["options"]
-    model = fitball.model(text)
+    model = fitball.model(text, ball=BALL)
     columns = []
     for spec in model.parameters:
         values = changes.get(spec.name, float(row[spec.name]))
@@ -102,7 +104,7 @@ def test_a_shell_of_rounding_alone_has_the_answers_of_a_light_one():
     angle = rng.uniform(0.2, 1.3, 200)
     spin = rng.uniform(-400.0, 400.0, 200)
     states = fitball.impacts(20.0 * np.cos(angle), 20.0 * np.sin(angle), spin)
-    rebound = fitball.model("two-mass").evaluate(list(values), draws, states)
+    rebound = fitball.model("two-mass", ball=BALL).evaluate(list(values), draws, states)
     assert np.all(rebound.status == 0)
     # What a shell does to the rest goes with the root of its mass.
     *heavier, lightest = rebound.v_x2
@@ -116,7 +118,7 @@ def test_a_shell_of_rounding_alone_has_the_answers_of_a_light_one():
 )
 def test_anything_within_bounds_is_solved_or_refused(options):
     """Over the whole range of every parameter, its edges included."""
-    model = fitball.model(f"two-mass{options}")
+    model = fitball.model(f"two-mass{options}", ball=BALL)
     names = [spec.name for spec in model.parameters]
     rng = np.random.default_rng(5)
     columns = [anywhere_within(SPECS[name], rng) for name in names]
@@ -148,7 +150,7 @@ def test_an_elastic_ball_that_lands_without_slip_is_held(eps):
     """All forces begin at zero: only their rates tell that no grip with the offset is possible, and
     on which side.
     """
-    model = fitball.model("two-mass+normal=total+torsion=free+offset=grip")
+    model = fitball.model("two-mass+normal=total+torsion=free+offset=grip", ball=BALL)
     values = {
         "mass_ratio": 0.8,
         "k_y": 2e4,

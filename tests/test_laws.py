@@ -15,7 +15,7 @@ from support.travel import acting
 import fitball
 from fitball.base.values import Ball, Impacts
 
-BALL = Ball()
+BALL = Ball(*taylor.BALL)
 INERTIA = BALL.inertia_ratio * BALL.mass * BALL.radius**2
 OFFSETS = ("eps_10", "eps_slope", "offset")
 WITHOUT_OFFSET = dict.fromkeys(OFFSETS, 0.0)
@@ -93,15 +93,18 @@ def random_case(model, options):
 
 
 def composed_case(options):
-    return random_case(fitball.model(bounces.text_of(options)), options)
+    return random_case(fitball.model(bounces.text_of(options), ball=BALL), options)
 
 
 RIGID_LAWS = ("power", "line", "root")
 CASES = [
     *map(composed_case, bounces.COMPOSITIONS),
-    random_case(fitball.model("grip-slip"), bounces.DEFAULT),
-    random_case(fitball.model("brody"), bounces.DEFAULT),
-    *(random_case(fitball.model(f"grip-slip+cor={law}"), bounces.DEFAULT) for law in RIGID_LAWS),
+    random_case(fitball.model("grip-slip", ball=BALL), bounces.DEFAULT),
+    random_case(fitball.model("brody", ball=BALL), bounces.DEFAULT),
+    *(
+        random_case(fitball.model("grip-slip", ball=BALL, cor=law), bounces.DEFAULT)
+        for law in RIGID_LAWS
+    ),
 ]
 
 
@@ -202,7 +205,7 @@ def angular_momentum_about_the_contact_point_is_kept(case):
 
 def a_stiff_joint_is_a_rigid_ball(case):
     """What is left of a joint falls with its compliance: `normal=total` goes over into `brody`."""
-    brody = fitball.model("brody")
+    brody = fitball.model("brody", ball=BALL)
     names = [spec.name for spec in brody.parameters]
     values = np.stack([case.columns[name] for name in names], axis=1)
     limit = brody.evaluate(names, values, case.at)
@@ -403,6 +406,6 @@ def test_a_grip_that_holds_to_the_end_ends_with_the_contact():
         rng.uniform(4.0, 17.0, 60),
         rng.uniform(-200.0, 200.0, 60),
     )
-    rebounds = fitball.model("thesis-exact").rebound(values, states)
+    rebounds = fitball.model("thesis-exact", ball=BALL).rebound(values, states)
     assert np.all(np.isfinite(rebounds.omega_2))
     assert np.all(np.isfinite(rebounds.v_x2))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
+from support import taylor
 
 import fitball
 from fitball.base import environment
@@ -49,7 +50,7 @@ def test_bounces_are_those_of_an_event_driven_integration(text):
     def column(name):
         return np.array([float(row[name] or "nan") for row in rows])
 
-    model = fitball.model(text)
+    model = fitball.model(text, ball=Ball(*taylor.BALL))
     names = [spec.name for spec in model.parameters]
     values = np.stack([column(name) for name in names], axis=1)
     v_x1 = column("v_x1")

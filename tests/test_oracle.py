@@ -7,7 +7,7 @@ from support import answers, bounces, taylor, taylor_series
 from support.taylor import OUTPUTS
 
 import fitball
-from fitball.base.values import Impacts
+from fitball.base.values import Ball, Impacts
 from fitball.models.types import Status
 
 
@@ -42,7 +42,7 @@ def test_digits_beyond_change_nothing_and_another_arithmetic_agrees():
 
 def kernel(options, values, impact):
     """The rebound by the kernel, (1, 1)."""
-    model = fitball.model(bounces.text_of(options))
+    model = fitball.model(bounces.text_of(options), ball=Ball(*taylor.BALL))
     names = [spec.name for spec in model.parameters]
     row = [values[name] for name in names]
     states = Impacts(*(np.array([number]) for number in impact))

@@ -36,7 +36,7 @@ def drawn(text):
     """Parameters (bounces, names) and impacts (bounces, 3): hard cases, random bounces, near and
     far.
     """
-    model = fitball.model(text)
+    model = fitball.model(text, ball=ports.BALL)
     rng = np.random.default_rng(5)
     names = [spec.name for spec in model.parameters]
     options = dict(bounces.DEFAULT) | dict(model.options)
@@ -73,7 +73,7 @@ def incident_speeds(impacts):
 @functools.cache
 def bounced(text):
     """Lines for a port, the side to which each ball flies, and what the model answers."""
-    model = fitball.model(text)
+    model = fitball.model(text, ball=ports.BALL)
     names, values, impacts = drawn(text)
     count = len(impacts)
     states = Impacts(*impacts.T[:, :, None])
@@ -157,7 +157,7 @@ def test_where_the_model_has_no_answer_a_rigid_ball_slides_or_rolls():
     v_y1 = impacts[none, 1, None]
     omega_1 = sign * impacts[none, 2, None]
     # The law of restitution is that of a ball with any joint.
-    free = fitball.model("two-mass+torsion=free")
+    free = fitball.model("two-mass+torsion=free", ball=ports.BALL)
     joined = np.concatenate([unsolved, np.ones((count, 1))], axis=1)
     law = free.evaluate([*names, "zeta_theta"], joined, Impacts(v_x1, v_y1, omega_1))
     eps = parameters["eps_10"] + parameters["eps_slope"] * (v_y1 - 10.0)

@@ -110,7 +110,7 @@ class Scene(SceneSection, frozen=True):
         Example:
             >>> import fitball
             >>> fitball.Scene().ball_value()
-            Ball(mass=0.0576, radius=0.03302, inertia_ratio=0.56)
+            Ball(mass=0.0576, radius=0.03302, inertia_ratio=0.54)
         """
         usual = Ball()
         ball = self.ball
@@ -173,7 +173,7 @@ class Scene(SceneSection, frozen=True):
         }
         unstated = [name for name, stated in constants.items() if stated is None]
         if unstated:
-            tennis = "of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.56)"
+            tennis = "of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.54)"
             yield "assumed-ball", f"the {listed(unstated)} {tennis}"
         if "mu" not in self.surface:
             yield "no-friction", "nothing of the friction: mu has a wide prior"

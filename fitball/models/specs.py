@@ -164,7 +164,7 @@ _ALL = (
         unit="",
         lower=0.05,
         upper=1.0,
-        prior="normal(0.56, 0.015)",
+        prior="normal(0.54, 0.03)",
         meaning="relative inertia, of the ball over M R^2",
         symbol=r"$I/MR^2$",
     ),
@@ -172,7 +172,8 @@ _ALL = (
 
 SPECS: Mapping[str, ParameterSpec] = {spec.name: spec for spec in _ALL}
 # Parameters of the ball, which every model has, in the order of the last columns of a kernel's row.
-BALL_PARAMETERS = ("ball_mass", "ball_radius", "inertia_ratio")
+INERTIA = "inertia_ratio"
+BALL_PARAMETERS = ("ball_mass", "ball_radius", INERTIA)
 # Names of the models of `registry`, which no function of a user may have.
 MODEL_NAMES = ("two-mass", "thesis-exact", "grip-slip", "brody")
 # Names that no parameter of a function may have: parameters that are not of a model, derived

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias, get_args, get_type_hints
@@ -21,8 +21,9 @@ from fitball.base.errors import FolderError
 from fitball.base.files import FIT_FILE, content_of, json_bytes
 from fitball.base.text import one_line
 from fitball.base.values import FloatArray
-from fitball.inference.fitted import Fitted
+from fitball.inference.fitted import Fitted, Run
 from fitball.models.model import Model
+from fitball.models.specs import INERTIA
 from fitball.saved.arrays import packed, unpacked
 
 # What `kind` of the record says: other programs write files called fit.json too.
@@ -31,6 +32,8 @@ FIT_KIND = "fitball fit"
 # misread them.
 FORMAT_VERSION = 1
 ARRAYS_FILE = "fit.nc"
+# Inertia of a ball over M R^2 where neither scene nor fit state it: that of 3.0.dev0.
+OLDER_INERTIA_RATIO = 0.56
 # Most numbers of an array that stands in the record itself, where people can read it.
 MOST_NUMBERS_IN_RECORD = 500
 # Fields that are not in the record: draws stand in the other file, a user's function nowhere.
@@ -139,7 +142,20 @@ def read(folder: Path, user_model: Model | None = None) -> Fitted:
         reason = one_line(str(error))
         text = f"not a fit as this version writes it ({reason}); run calibrate again"
         raise FolderError(f"{folder / FIT_FILE}: {text}", "no-fit") from None
+    values["run"] = _with_ball_of_its_time(values["run"])
     return Fitted(**values, posterior=posterior, own=user_model)
+
+
+def _with_ball_of_its_time(run: Run) -> Run:
+    """A stored run with its ball as it was: older ones do not say which inertia they took where the
+    scene states none.
+    """
+    ball = run.scene.ball
+    stated = ball.inertia is not None or ball.inertia_ratio is not None
+    if stated or INERTIA in run.known:
+        return run
+    older = msgspec.structs.replace(ball, inertia_ratio=OLDER_INERTIA_RATIO)
+    return replace(run, scene=msgspec.structs.replace(run.scene, ball=older))
 
 
 def _required(field: Field[object]) -> bool:

@@ -8,13 +8,15 @@ import numpy as np
 from scipy import stats
 
 from fitball.base.columns import COLUMNS
-from fitball.base.values import Impacts
+from fitball.base.values import Ball, Impacts
 from fitball.data.scene import BallSection, CameraSection, Scene, ValueWithSd
 from fitball.data.table import ImpactTable
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.models.registry import model
 
+# The ball that is simulated: that of the thesis.
+BALL = Ball(0.0576, 0.03302, 0.56)
 TRUTH = {
     "mass_ratio": 0.88,
     "k_y": 2.0e4,
@@ -79,7 +81,7 @@ def table_of(columns, errors="", gaps=False, labels=(), count=10, seed=0):
         "v_y1": speed * np.sin(angle),
         "omega_1": rng.uniform(-150, 200, count),
     }
-    two_mass = model("two-mass")
+    two_mass = model("two-mass", ball=BALL)
     parameters = {spec.name: TRUTH[spec.name] for spec in two_mass.parameters}
     rebound = two_mass.rebound(parameters, Impacts(*values.values()))
     for name in columns:
@@ -116,11 +118,11 @@ def scene_of(camera=False, time=False, ball=False):
             tilt=ValueWithSd(0.0, 0.005),
             court_height=ValueWithSd(0.0, 0.003),
         )
-    ball_section = BallSection()
+    ball_section = BallSection(inertia_ratio=BALL.inertia_ratio)
     if ball:
         ball_section = BallSection(
             mass=ValueWithSd(0.0577, 2e-4),
-            inertia_ratio=ValueWithSd(0.56, 0.01),
+            inertia_ratio=ValueWithSd(BALL.inertia_ratio, 0.01),
         )
     return Scene(
         camera=camera_section,
@@ -130,8 +132,9 @@ def scene_of(camera=False, time=False, ball=False):
 
 
 def problem_of(table, scene=None, text="grip-slip", **choices):
-    """The problem of a table with a scene and a model."""
-    return build_problem(table, scene or Scene(), Choices(text, **choices))
+    """The problem of a table with a scene, by default that of the ball of TRUTH, and a model."""
+    scene = scene or Scene(ball=BallSection(inertia_ratio=BALL.inertia_ratio))
+    return build_problem(table, scene, Choices(text, **choices))
 
 
 def truth_of(problem):

@@ -189,8 +189,12 @@ def reference(text):
     return module(port([typical(text)], "python"))
 
 
+# The ball of all ports here: that of the thesis.
+BALL = fitball.Ball(inertia_ratio=0.56)
+
+
 def typical(text, label="", **changes):
     """The parameter set of a model at its typical values."""
-    model = fitball.model(text)
+    model = fitball.model(text, ball=BALL)
     values = {spec.name: spec.typical for spec in model.parameters} | changes
     return ParameterSet(label, model, values, "Typical values.", {})

@@ -22,9 +22,9 @@ from fitball.models.specs import BALL_PARAMETERS
 
 # Stated sds to either side that make a range: 95 % of a normal distribution.
 STATED_SDS = 2.0
-# Sd of I/(M R^2) of a tennis ball: the bifilar test (0.5625), a thick shell (0.56) and other
-# measurements (0.55) agree within it.
-INERTIA_SD = 0.015
+# Sd of I/(M R^2) of a tennis ball: the bifilar test gives 0.5625 or 0.520 by which radius its
+# strings had (Jafri 2004, Table 8 and Appendix B), and 1 mm of that is 6 %.
+INERTIA_SD = 0.03
 # I/(M R^2) of round bodies, from full sphere to thin shell: the range of a ball of which no more is
 # known.
 ROUND_BODIES = (0.4, 2.0 / 3.0)

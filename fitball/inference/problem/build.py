@@ -50,7 +50,7 @@ from fitball.inference.problem.row_errors import (
 from fitball.models.model import Model
 from fitball.models.registry import candidates, model_of_data, refuse_what_is_no_name
 from fitball.models.registry import model as model_of
-from fitball.models.specs import BALL_PARAMETERS, SPECS
+from fitball.models.specs import BALL_PARAMETERS, INERTIA, SPECS
 
 # Expected noise of a velocity [m/s] where the scene states none: that of Wang's tables. An angle
 # has that of a velocity across the flight.
@@ -190,14 +190,14 @@ def build_problem(
     model = _model_of_problem(table, scene, choices, user_model)
     observables = _observables(table, model, notes)
     noise = noise_kind(choices.noise or str(scene.measurement.get("noise", "normal")))
-    named = [*choices.prior, *choices.fix, *scene.prior, *scene.fix]
+    named = {*choices.prior, *choices.fix, *scene.prior, *scene.fix}
     has_gaps = any(observable.column.gap for observable in observables)
     camera, camera_specs = camera_of(table, scene.camera, named, has_gaps, notes)
-    uncertain = [name for name in BALL_PARAMETERS if name.removeprefix("ball_") in scene.ball_sd()]
+    of_ball = _parameters_of_ball(scene, named)
     fall = fall_of(table, scene)
     specs = {spec.name: spec for spec in (*model.parameters, *noise.parameters)} | camera_specs
     specs |= FALL_SPECS if fall is not None else {}
-    specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in uncertain}
+    specs |= _noise_specs(table, scene, observables) | {name: SPECS[name] for name in of_ball}
     timed = scene.contact_time is not None or any(item.column.timed for item in observables)
     settings = _settings(specs, table, scene, choices, prior_texts, timed)
     levels = _leveled_parameters(table, scene, choices, model, settings, timed, notes)
@@ -229,7 +229,7 @@ def build_problem(
         fall=fall,
         contact_time=None if contact_time is None else (contact_time.value, contact_time.sd),
         notes=(*_assumptions(scene, choices, free_bases, timed), *notes),
-        prior_texts=texts,
+        prior_texts={INERTIA: repr(model.ball.inertia_ratio), **texts},
     )
     idle = idle_note(idle_keys_of_problem(problem), "this fit")
     return replace(problem, notes=(*problem.notes, *idle))
@@ -253,6 +253,14 @@ def idle_keys_of_problem(problem: Problem) -> Iterator[str]:
         for name in getattr(scene, section):
             if base_of(name) not in {*bases, ALL} and name not in LAB_SPREADS:
                 yield f"[{section}] {name}"
+
+
+def _parameters_of_ball(scene: Scene, named: Collection[str]) -> list[str]:
+    """The constants of the ball that are parameters: those with an sd in the scene, and those
+    `named` in priors and fixed values.
+    """
+    sds = scene.ball_sd()
+    return [name for name in BALL_PARAMETERS if name in named or name.removeprefix("ball_") in sds]
 
 
 def _measurements(
