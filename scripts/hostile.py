@@ -448,6 +448,11 @@ def case(kind: str, index: int, seed: int, folder: Path) -> tuple[str, Ending, W
         overwrite = bool(rng.integers(2))
         if overwrite and command[0] not in ("export", "plot") and "out" in command:
             command.append("--overwrite")
+        elif not rng.integers(4):
+            # What others planted: nothing may be written through it.
+            Path("mine.list").write_text("mine\n")
+            Path("out", ".fitball-files").unlink()
+            Path("out", ".fitball-files").symlink_to("../mine.list")
     before = contents()
     end = run(command)
     faults = faults_of(command, before, contents(), end)
