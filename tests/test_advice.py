@@ -200,3 +200,35 @@ def test_a_prior_that_excludes_the_data_is_at_fault():
     assert "prior" in text
     free = fitball.calibrate("wang_all", model="grip-slip", point_only=True, cores=1)
     assert "bound" not in advice.useful_next(free)
+
+
+FEW_DROPS = {"v_y1": [6.9, 6.9, 6.88, 6.91], "v_y2": [5.31, 5.35, 5.35, 5.36]}
+
+
+def few_drops(tmp_path, monkeypatch):
+    """Four drops from one height, which say nothing of the slope of the restitution."""
+    monkeypatch.chdir(tmp_path)
+    rows = zip(*FEW_DROPS.values(), strict=True)
+    lines = [",".join(FEW_DROPS), *(",".join(map(str, row)) for row in rows)]
+    Path("few.csv").write_text("\n".join(lines) + "\n")
+
+
+def test_a_fit_without_posterior_names_the_command_that_makes_one(tmp_path, monkeypatch):
+    few_drops(tmp_path, monkeypatch)
+    prior = {"cor_slope": "normal(0, 0.01)"}
+    fit = fitball.calibrate("few.csv", model="grip-slip", prior=prior, point_only=True, cores=1)
+    words = commands_in(advice.useful_next(fit))[0]
+    assert words[:4] == ["calibrate", "few.csv", "--model", "grip-slip"]
+    assert words[words.index("--prior") + 1] == "cor_slope=normal(0, 0.01)"
+
+
+def test_the_folder_of_a_fit_is_filled_in(tmp_path, monkeypatch, capsys):
+    few_drops(tmp_path, monkeypatch)
+    short = ["--model", "grip-slip", "--max-steps", "400", "--figures", "none"]
+    cli.main(["calibrate", "few.csv", *short, "--out", "my fit"])
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "fitball plan 'my fit' --target" in printed
+    assert "fitball plan . --target" in Path("my fit/report.html").read_text(encoding="utf-8")
+    targets = re.search(r"plan 'my fit' --target ([\w,]+)", printed)[1]
+    plan = ["plan", "my fit", "--target", targets, "--count", "1", "--figures", "none"]
+    assert cli.main(plan) == 0
