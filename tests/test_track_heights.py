@@ -119,6 +119,17 @@ def test_heights_may_have_the_names_of_sensors_and_grow_downwards():
     assert_near(speeds_of(film)[0], expected, 1e-4)
 
 
+def test_an_x_that_stands_still_is_none():
+    """Else a friction would be fitted to its rounding errors."""
+    t, y, _ = bounced(60.0, 1e-3)
+    expected, _ = speeds_of(fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y})))
+    for x in (0.0, 0.25):
+        film = fitball.track(pd.DataFrame({"t [s]": t, "x [m]": x, "y [m]": y}))
+        assert "v_x1 [m/s]" not in film.impacts
+        values, _ = speeds_of(film)
+        assert_near(values, expected, 1e-9)
+
+
 def test_check_of_positions_names_the_verb_that_reads_them(tmp_path):
     path = tmp_path / "sensor.csv"
     t, y, truth = bounced(60.0, 1e-3)

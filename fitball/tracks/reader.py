@@ -242,8 +242,6 @@ class Reader:
             columns[name] = column
         if ball.vertical:
             columns["x"] = np.zeros(y.size)
-            words = "no coordinate x: the ball is taken to move straight up and down"
-            self.cells.note("heights-alone", f"{self.name}: {words}")
         self._put_centres(columns, pixels)
         self._drop_what_is_none(ball, columns, pixels)
         return _Columns(columns, pixels)
@@ -367,9 +365,14 @@ class Reader:
             return None
         positions = np.column_stack([values["x"], values["y"]])[order]
         moved = np.any(np.diff(positions, axis=0), axis=1)
-        # Where it turns around a ball has one height twice.
-        repeated = np.concatenate([[False], ~moved & (not ball.vertical)])
+        # A ball whose x stands still was dropped: it has one height twice where it turns around.
+        stands_still = order.size >= FEWEST_FRAMES and not np.ptp(positions[:, 0]) > 0.0
+        vertical = ball.vertical or stands_still
+        repeated = np.concatenate([[False], ~moved & (not vertical)])
         self._note_omitted(name, repeated, "they repeat the one before")
+        if vertical:
+            words = "no x, or one that stands still: the ball moves straight up and down"
+            self.cells.note("heights-alone", f"{self.name}: {words}")
         clip = Clip(name, rows, values, order[~repeated])
         order = clip.order
         time = clock.seconds(order)
@@ -388,7 +391,7 @@ class Reader:
         if camera.angles == "clockwise":
             angle = -angle
         number = np.round(clock.frame[order]).astype(np.int64)
-        return Track(name, number, time, x, y, angle, fold, labels, radius_px, ball.vertical)
+        return Track(name, number, time, x, y, angle, fold, labels, radius_px, vertical)
 
     def _read_columns(self, ball: FilmedBall) -> set[int]:
         """The indices of columns that are read, for a ball or as labels."""
