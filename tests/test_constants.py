@@ -21,9 +21,10 @@ def test_a_tennis_ball_of_which_nothing_is_stated_has_the_inertia_of_both_readin
     square = (2.0 * np.pi / 1.516) ** 2
     by_lever = 9.81 / (1.016 * square)
     by_radius = by_lever * (1.25 / 1.3) ** 2
-    ball = fitball.Ball()
+    ball = Scene().ball_value()
     assert ball.inertia_ratio == pytest.approx(0.5 * (by_lever + by_radius), abs=0.005)
-    assert Scene().ball_value() == ball
+    # The thesis's own ball is another.
+    assert fitball.Ball().inertia_ratio == pytest.approx(by_lever, abs=0.003)
     problem = build_problem(table_of(REBOUND), Scene(), Choices("grip-slip"))
     first = first_order(problem, at(problem, best(problem)))
     held = {constant.name: constant for constant in constants(problem, first, ())}

@@ -240,7 +240,7 @@ def test_shares_of_regimes_and_of_answers():
 
     frame = regime_shares(forward, Draws({}, values, best), PredictionRequest(at, None, ("v_x2",)))
     shares = frame.set_index("regime")["share"]
-    least = 0.54 / 1.54 * 20.0 / (1.75 * 8.0)
+    least = 0.56 / 1.56 * 20.0 / (1.75 * 8.0)
     assert shares["slide"] == pytest.approx(least / 0.9, abs=1e-3)
     assert shares.sum() == pytest.approx(1.0)
     row = first_row(values, "v_x2")

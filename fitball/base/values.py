@@ -31,9 +31,8 @@ _LARGEST = 1e6
 class Ball:
     """A ball: `mass` [kg], outer `radius` [m], and `inertia_ratio`, moment of inertia over M R^2.
 
-    The defaults are Wang's balls: 0.127 lb and 1.3 in (Jafri 2004, Appendix B), and the inertia
-    between what the bifilar test (Table 8) gives with a lever of 1.25 in, 0.5625, and of 1.3 in,
-    0.520.
+    The defaults are Wang's balls: 0.127 lb and 1.3 in (Jafri 2004, Appendix B), and the inertia of
+    the bifilar test (Table 8). Fits take 0.54 where their scene states none (`Scene.ball_value`).
 
     Raises:
         ParameterError: a constant is no positive number of a possible size (`ball`).
@@ -41,12 +40,12 @@ class Ball:
     Example:
         >>> import fitball
         >>> fitball.Ball(mass=0.058)
-        Ball(mass=0.058, radius=0.03302, inertia_ratio=0.54)
+        Ball(mass=0.058, radius=0.03302, inertia_ratio=0.56)
     """
 
     mass: float = 0.0576
     radius: float = 0.03302
-    inertia_ratio: float = 0.54
+    inertia_ratio: float = 0.56
 
     def __post_init__(self) -> None:
         # No body has more inertia than a ring of its mass and radius.

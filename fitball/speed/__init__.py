@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 from fitball.base.errors import Note
 from fitball.base.findings import Findings
 from fitball.base.progress import Progress
-from fitball.base.values import Ball, DataFrame, FloatArray, Impacts
+from fitball.base.values import DataFrame, FloatArray, Impacts
 
 if TYPE_CHECKING:
     from fitball.models.model import Model
@@ -27,8 +27,6 @@ DRAWS = 200
 STEPS = {4: (5, 10, 20, 50, 100, 200, 400, 1600), 8: (5, 10, 20, 40, 80)}
 # Relative tolerances of `solve_ivp`.
 RELATIVE_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
-# Inertia over M R^2 of the ball of which the exact answers are: that of the thesis.
-INERTIA_RATIO = 0.56
 # Name of fitball on a large batch.
 OURS = "fitball, many draws"
 # Name of fitball called once a bounce.
@@ -73,8 +71,7 @@ class TimedScene(NamedTuple):
 
         row = self.rows.iloc[k]
         options = str(row["options"])
-        ball = Ball(inertia_ratio=INERTIA_RATIO)
-        chosen = model(f"two-mass+{options}" if options else "two-mass", ball=ball)
+        chosen = model(f"two-mass+{options}" if options else "two-mass")
         return chosen, {spec.name: float(row[spec.name]) for spec in chosen.parameters}
 
     def errors(

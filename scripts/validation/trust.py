@@ -22,7 +22,7 @@ from study import Rate, Record, replicates
 import fitball
 from fitball.base.values import FloatArray
 from fitball.data.read import load_table
-from fitball.data.scene import Scene, ValueWithSd
+from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference.calibrate import calibrate
 from fitball.inference.effort import Effort
 from fitball.inference.judgement.adequacy import adequacy
@@ -36,6 +36,8 @@ from fitball.inference.search.best_fit import best_fit
 MASS = 0.0576
 RADIUS = 0.03302
 INERTIA_RATIO = 0.56
+# What a scene states of it.
+BALL = BallSection(inertia_ratio=INERTIA_RATIO)
 # Friction coefficient of the court.
 FRICTION = 0.60
 # Tangential restitution of a ball that grips.
@@ -168,7 +170,7 @@ FAULTS: Mapping[Spoil, tuple[tuple[float, float], tuple[float, float]]] = {
 
 def answer_of(frame: pd.DataFrame, model: str, rng: np.random.Generator) -> Record:
     """The answer of the residual tests of a fit to a table, and their least p-value."""
-    problem = build_problem(load_table(frame), Scene(), Choices(model, pool={ALL: "none"}))
+    problem = build_problem(load_table(frame), Scene(ball=BALL), Choices(model, pool={ALL: "none"}))
     point = best_fit(problem, rng)
     judgement = adequacy(problem, point, first_order(problem, point))
     least_p = min([test.p for test in judgement.tests], default=1.0)
@@ -213,7 +215,7 @@ def intervals(number: int) -> Record:
         columns[name] = getattr(rebound, name) + scatter
     # The contact time of the scene is a measurement, too.
     time = float(rebound.contact_time.mean() + CONTACT_TIME_SD * rng.standard_normal())
-    scene = Scene(contact_time=ValueWithSd(time, CONTACT_TIME_SD))
+    scene = Scene(ball=BALL, contact_time=ValueWithSd(time, CONTACT_TIME_SD))
     problem = build_problem(load_table(pd.DataFrame(columns)), scene, Choices())
     fit = calibrate(problem, Effort(number), lambda _stage, _share: None)
     parameters = {
