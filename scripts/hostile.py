@@ -448,7 +448,7 @@ def case(kind: str, index: int, seed: int, folder: Path) -> tuple[str, Ending, W
         overwrite = bool(rng.integers(2))
         if overwrite and command[0] not in ("export", "plot") and "out" in command:
             command.append("--overwrite")
-        elif not rng.integers(4):
+        elif rng.integers(2):
             # What others planted: nothing may be written through it.
             Path("mine.list").write_text("mine\n")
             Path("out", ".fitball-files").unlink()
