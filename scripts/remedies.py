@@ -5,8 +5,9 @@ collected over tables, run on its table, and counted: made, run, helped.
     python scripts/remedies.py FOLDER ...         # tables of these folders
     python scripts/remedies.py --only swapped     # tables whose name has this in it
 
-Helped: a table that was refused is read; the fault, note or sentence that named the remedy is gone;
-another verb has an answer. An option without a value is one that cannot be run.
+Helped: a table that was refused is read, or refused for something else alone; the fault, note or
+sentence that named the remedy is gone; another verb has an answer. An option without a value is one
+that cannot be run.
 """
 
 import argparse
@@ -42,6 +43,8 @@ OPTION = re.compile(
 PLACEHOLDER = re.compile(r"\b(PARAMETER|COLUMN|NAME|VALUE|FILE\.py|DIR|TABLE|LENGTH)\b")
 # Options that say how a result is shown, or that make a long run short: no remedies.
 SHOWN = ("full", "json", "overwrite")
+# Exit code of what is refused; of words that are no command here.
+REFUSED, NO_COMMAND = 2, 3
 # Fewest models of a comparison, and how long a run is made short.
 SHORT = {
     "calibrate": ("--point-only", "--figures", "none"),
@@ -136,7 +139,7 @@ def run(words: Sequence[str], out: Path) -> Outcome:
         try:
             code = cli.main([*words, "--out", str(out)])
         except SystemExit as end:
-            code = int(end.code or 0)
+            code = NO_COMMAND if end.code else 0
     sentences = [line.strip(" -") for line in said.getvalue().splitlines()]
     page = out / "report.html"
     if page.exists():
@@ -190,7 +193,11 @@ def helps(remedy: Remedy, before: Outcome, words: Sequence[str], out: Path) -> t
     if after.code not in (0, 1) and remedy.words[0] == "compare":
         # These do not differ on impacts without motion along the court.
         after = run([*remedy.words, "--figures", "none"], out)
-    ran = after.code in (0, 1)
+    # What comes up after all earlier faults are gone is the next remedy's.
+    is_next = after.code == before.code == REFUSED and {*before.sentences}.isdisjoint(
+        after.sentences
+    )
+    ran = after.code in (0, 1) or is_next
     if remedy.words[0] == "check" != words[0]:
         # It helps where it says more than that all is well.
         return ran, ran and after.code == 1
