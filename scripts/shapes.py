@@ -91,6 +91,13 @@ SHAPES = (
     ),
     Shape("movement.h5", "movement", "save_poses.to_dlc_file", "df_with_missing"),
     Shape("sleap.h5", "movement", "save_poses.to_sleap_analysis_file", "tracks"),
+    Shape(
+        "via.csv",
+        "movement",
+        "save_bboxes.to_via_tracks_file",
+        "filename,file_size,file_attributes,region_count,region_id,region_shape_attributes,"
+        "region_attributes",
+    ),
     Shape("movement.nc", "movement", "Dataset.to_netcdf", "position, confidence (netCDF 4)"),
     Shape(
         "labelled.csv",
@@ -184,7 +191,7 @@ def write_sleap(folder: Path) -> None:
 def write_deeplabcut(folder: Path) -> None:
     """Write DeepLabCut's layout: all frames by movement, those of high likelihood by pandas."""
     import pandas as pd
-    from movement.io import load_poses, save_poses
+    from movement.io import load_bboxes, load_poses, save_bboxes, save_poses
 
     positions = np.full((COUNT, 2, 1, 1), np.nan)
     positions[FRAME, :, 0, 0] = pixels()
@@ -199,6 +206,9 @@ def write_deeplabcut(folder: Path) -> None:
         source_software="fitball",
     )
     film.to_netcdf(folder / "movement.nc")
+    sizes = np.full((COUNT, 2, 1), 2.0 * HALF_BOX)
+    boxes = load_bboxes.from_numpy(positions[:, :, 0], sizes, confidence[:, 0], ["id_1"], fps=FPS)
+    save_bboxes.to_via_tracks_file(boxes, folder / "via.csv")
     for ending in ("csv", "h5"):
         save_poses.to_dlc_file(film, folder / f"movement.{ending}")
     save_poses.to_sleap_analysis_file(film, folder / "sleap.h5")

@@ -1,4 +1,4 @@
-"""Texts of trackers that are no table with a header: MTrack2 of ImageJ and MOTChallenge. Each is
+"""Texts of trackers that are no table with a header: MTrack2 of ImageJ, MOTChallenge, VIA. Each is
 read to the positions and times of one bounce of which six frames are lost.
 """
 
@@ -21,6 +21,7 @@ from support.trackers import (
     labelled_hdf5,
     mot_boxes,
     mtrack2,
+    via_regions,
 )
 
 from fitball.base.errors import InputError
@@ -159,6 +160,31 @@ def test_other_numbers_without_a_header_are_refused(tmp_path, columns):
     with pytest.raises(InputError) as caught:
         read(tmp_path, csv_text(table, index=False, header=False))
     assert caught.value.code == "no-positions"
+
+
+# ---- VGG Image Annotator
+
+
+@pytest.mark.parametrize("kind", ["rect", "circle", "point"])
+def test_regions_of_the_vgg_image_annotator(tmp_path, kind):
+    (track,), notes = read(tmp_path, via_regions([BALL_BY_FRAME], kind), name="via.csv")
+    assert_is_the_bounce(track, places=1e-9)
+    assert_allclose(track.x, 2e-3 * X)
+    assert track.frame.tolist() == FRAME.tolist()
+    assert "rows-counted" not in notes
+    racket, ball = read(tmp_path, via_regions([RACKET_BY_FRAME, BALL_BY_FRAME], kind))[0]
+    assert_is_the_bounce(ball, places=1e-9)
+    assert_allclose(racket.x, 2e-3 * RACKET[:, 0])
+
+
+@pytest.mark.parametrize("shape", ['{""name"": ""polygon"", ""all_points_x"": [1]}', "rect", "[1]"])
+def test_regions_of_other_shapes_are_refused(tmp_path, shape):
+    header, first, *_ = via_regions([BALL_BY_FRAME]).splitlines()
+    text = "\n".join([header, first, f'1.png,0,{{}},1,0,"{shape}",{{}}'])
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text, name="via.csv")
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.line) == ("no-positions", 3)
 
 
 # ---- pictures that were labelled in DeepLabCut

@@ -1,16 +1,20 @@
-"""Texts of trackers that are no table with a header: MTrack2 of ImageJ, whose tracks stand side by
-side in blocks with a summary below them, and boxes of MOTChallenge, which have no header.
+"""Texts of trackers that are no table with a header of columns: MTrack2 of ImageJ, whose tracks
+stand side by side in blocks with a summary below them, boxes of MOTChallenge, which have no header,
+and regions of the VGG Image Annotator (VIA), whose shapes are written in JSON.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from fitball.base.errors import Note
+from fitball.base.text import one_line
 from fitball.data.cells import TableCells, texts_of
 from fitball.data.records import NUMBER, check_shape, refusal
 
@@ -21,6 +25,11 @@ _MTRACK2 = re.compile(r"Frame(?P<sign>[\t,;]| +)\s*X1(?P=sign)\s*Y1(?P=sign)\s*F
 _BLOCK = re.compile(r"Tracks\W+(?P<first>\d+)\W+to\W+\d+\W*")
 # Cells of a track in a row of MTrack2: x, y, flag.
 _CELLS_OF_TRACK = 3
+# How the header of VIA begins, and the columns with the shape of a region and what else is said of
+# it.
+_VIA = "filename,file_size,file_attributes,"
+_SHAPE = "region_shape_attributes"
+_ATTRIBUTES = "region_attributes"
 # Columns of boxes, in all files of MOTChallenge.
 _BOX = ("frame", "id", "left", "top", "width", "height", "confidence")
 # What stands behind them, by the number of cells: nothing, class and visibility as in files of the
@@ -44,16 +53,20 @@ def cells_of_plain_text(source: str, data: bytes) -> TableCells | None:
     """The cells of positions of MTrack2 or MOTChallenge, None of another text.
 
     Raises:
-        InputError: the text is too large (`too-large`), or tracks of MTrack2 have no sign between
-            their cells (`row-length`).
+        InputError: the text is too large (`too-large`), tracks of MTrack2 have no sign between
+            their cells (`row-length`), or a region of VIA has no place (`no-positions`).
     """
     head, _, _ = data[:_MOST_OF_HEAD].strip().decode("utf-8-sig", "replace").partition("\n")
     mtrack2 = _MTRACK2.fullmatch(head.strip())
-    if not (mtrack2 or _is_box(_SIGNS.split(head.strip()))):
+    is_via = head.startswith(_VIA) and {_SHAPE, _ATTRIBUTES} <= {*head.strip().split(",")}
+    if not (is_via or mtrack2 or _is_box(_SIGNS.split(head.strip()))):
         return None
     lines = data.decode("utf-8-sig", "replace").splitlines()
     filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     sha256 = hashlib.sha256(data).hexdigest()
+    if is_via:
+        columns, numbers = _of_via(source, lines)
+        return _cells(source, sha256, columns, numbers)
     if mtrack2:
         sign = mtrack2["sign"].strip(" ")
         if not sign and mtrack2["more"].strip():
@@ -119,6 +132,40 @@ def _places(cells: Sequence[str], first: int) -> Iterator[tuple[str, str, str]]:
         x, y = cells[k : k + 2]
         if x or y:
             yield str(first + k // _CELLS_OF_TRACK), x, y
+
+
+def _of_via(source: str, lines: Sequence[str]) -> tuple[dict[str, list[str]], list[int]]:
+    """The columns of regions, their centres, and the numbers of their lines. Raises InputError
+    (`no-positions`).
+    """
+    columns: dict[str, list[str]] = {"frame": [], "track": [], "x": [], "y": [], "confidence": []}
+    numbers = list[int]()
+    reader = csv.DictReader(lines)
+    for row in reader:
+        try:
+            shape = json.loads(row[_SHAPE] or "{}")
+            attributes = json.loads(row[_ATTRIBUTES] or "{}")
+            if not shape:
+                continue
+            x = shape["cx"] if "cx" in shape else shape["x"] + 0.5 * shape["width"]
+            y = shape["cy"] if "cy" in shape else shape["y"] + 0.5 * shape["height"]
+        except (ValueError, LookupError, TypeError):
+            words = f"read the region '{one_line(str(row[_SHAPE]))}' of VIA; expected a rectangle"
+            words = f"{words}, circle, ellipse or point in JSON"
+            raise refusal(source, "no-positions", words, reader.line_num) from None
+        texts = (
+            row["filename"],
+            attributes.get("track", ""),
+            x,
+            y,
+            attributes.get("confidence", ""),
+        )
+        for name, text in zip(columns, texts, strict=True):
+            columns[name].append(str(text))
+        numbers.append(reader.line_num)
+    if not any(columns["confidence"]):
+        del columns["confidence"]
+    return columns, numbers
 
 
 def _is_box(row: Sequence[str]) -> bool:

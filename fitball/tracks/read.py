@@ -10,6 +10,7 @@
 | DeepLabCut | three or four rows of names (`levels`), or `.h5` (`hdf5`) | a frame of all parts |
 | SLEAP | `frame_idx`, `track`, `NODE.x, NODE.y`, or `.h5` | a frame of an instance |
 | MTrack2, MOTChallenge | `Frame, X1, Y1, Flag1, X2`, or none (`plain_texts`) | a frame, or a box |
+| VGG Image Annotator | `filename, region_shape_attributes` (`plain_texts`) | a region of a frame |
 | movement | a dataset in `.nc` (`hdf5`) | a frame of all individuals |
 | recordings of markers | `NAME X, NAME Y, NAME Z`, or `.c3d` (`c3d`) | a frame of all markers |
 """

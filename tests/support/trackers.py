@@ -2,7 +2,9 @@
 some frames lost.
 """
 
+import csv
 import io
+import json
 import pickle
 
 import h5py
@@ -259,6 +261,28 @@ def mot_boxes(objects, behind=("0.97", "-1", "-1", "-1")):
                 box = [f"{x - 16.5:.5f}", f"{y - 16.5:.5f}", "33", "33"]
                 lines.append(",".join([str(frame + 1), str(number), *box, *behind]))
     return "\n".join(lines) + "\n"
+
+
+def via_regions(objects, kind="rect"):
+    """The text of regions of the VGG Image Annotator: frames of objects, places by frame, as
+    rectangles, circles or points; their tracks count from 1.
+    """
+    lines = [["filename", "file_size", "file_attributes", "region_count", "region_id"]]
+    lines[0] += ["region_shape_attributes", "region_attributes"]
+    for frame in range(COUNT):
+        seen = [k for k, places in enumerate(objects) if frame in places]
+        for number, k in enumerate(seen):
+            x, y = objects[k][frame]
+            shape = {"name": kind, "cx": x, "cy": y}
+            if kind == "rect":
+                shape = {"name": kind, "x": x - 16.5, "y": y - 16.0, "width": 33.0, "height": 32.0}
+            texts = [json.dumps(shape), json.dumps({"track": k + 1, "confidence": 0.97})]
+            lines.append([f"{frame:03d}.png", 0, "{}", len(seen), number, *texts])
+        if not seen:
+            lines.append([f"{frame:03d}.png", 0, "{}", 0, 0, "{}", "{}"])
+    file = io.StringIO()
+    csv.writer(file).writerows(lines)
+    return file.getvalue()
 
 
 BALL_BY_FRAME = {int(frame): (x, y) for frame, x, y in zip(FRAME, X, Y, strict=True)}
