@@ -316,6 +316,12 @@ def test_new_measurements_are_as_uncertain_as_models_that_predict_as_well(fit):
     wider = middle + 1.5 * (ends - middle)
     assert_allclose(noisy.loc["v_x2", ["new_q025", "new_q975"]].astype(float), wider.astype(float))
     assert noisy.loc["omega_2", "new_q975"] == alone.loc["omega_2", "new_q975"]
+    # Several variants widen the fit's interval, and not each other's.
+    words = ("other", "offset=contact", "grip-slip")
+    many = {**base, "v_x_sd": 1.5 * base["v_x_sd"]}
+    tried = (Alternative(*words, many, {}, 0.0, 3.0, True),) * 3
+    three = fit_with_variants(tried=tried).predict(state).frames["predictions"]
+    assert three.set_index("column")["new_q975"].equals(noisy["new_q975"])
     # One of which a mixture has less than 2 % is named, and widens nothing.
     behind = widened(-4.5, mu=0.0)
     assert behind["new_q975"].equals(alone["new_q975"])

@@ -77,8 +77,11 @@ def test_new_measurements_of_a_soft_ball_are_as_uncertain_as_intervals_say():
     ball alone 95 % intervals of spins hold 62 %.
     """
     fit = fitball.calibrate(DATA / "hunt_crossley.csv", cores=1)
-    scores = fit.predict(DATA / "hunt_crossley_new.csv").frames["scores"].set_index("column")
-    shares = scores["within_95"]
-    assert (shares >= 0.9).all()
-    assert shares.mean() <= 0.98
+    frame = fit.predict(DATA / "hunt_crossley_new.csv").frames["predictions"]
+    inside = frame[frame["observed"].notna() & ~frame["outside"].astype(bool)]
+    holds = inside["observed"].between(inside["new_q025"], inside["new_q975"])
+    shares = holds.groupby(inside["column"]).mean()
+    assert 0.9 <= holds.mean() <= 0.98
+    assert shares["omega_2"] >= 0.9
+    assert shares.min() >= 0.85
     assert "thesis-exact" in {rival.forward.model.name for rival in fit.rivals}
