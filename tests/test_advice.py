@@ -75,7 +75,7 @@ def texts_of(fit):
     ("make", "model", "verbs"),
     [
         (drops_of_two_balls, "", {"calibrate"}),
-        (drops_that_curve, "", {"compare"}),
+        (drops_that_curve, "", set()),
         (impacts_with_friction_by_speed, "brody", {"compare"}),
     ],
 )

@@ -79,6 +79,8 @@ def remedy(fit: Fitted, test: ResidualTest) -> str:
         return f"{check}; {again} gives outliers less weight"
     if test.kind == "parameter":
         return compared or REMEDIES["trend"]
+    if test.kind == "trend" and not compared and not fit.run.table.has_tangential:
+        return _of_drops(fit)
     if test.kind in _OF_MODELS:
         return _or(compared, REMEDIES[test.kind])
     return REMEDIES.get(test.kind, "")
@@ -106,7 +108,7 @@ def _advice(fit: Fitted) -> Iterator[str]:
 
 
 def _of_drops(fit: Fitted) -> str:
-    """What helps where the model of vertical impacts fails and there is no other to compare."""
+    """What helps where the model of vertical impacts fails and no law of restitution is better."""
     if len(fit.run.table) < _LEAST_COMPARED:
         return "more impacts"
     return (
@@ -159,7 +161,7 @@ def _of_variants(fit: Fitted) -> Iterator[str]:
 def _compare(fit: Fitted, kind: str) -> str:
     """The command that compares models on this table, for a pattern of a `kind`; empty where it has
     too few impacts, or models cannot differ in such a pattern: those of drops differ in the law of
-    restitution, which is no difference between labels.
+    restitution, which is no difference between labels, and which the fit has tried.
     """
     table = fit.run.table
     models = candidates(
@@ -169,6 +171,9 @@ def _compare(fit: Fitted, kind: str) -> str:
     )
     of_labels = kind in ("group", "parameter") and not table.has_tangential
     if len(table) < _LEAST_COMPARED or len(models) < 2 or of_labels:
+        return ""
+    laws = [variant for variant in fit.alternatives if variant.instead_of.startswith("cor=")]
+    if not table.has_tangential and laws and not any(variant.better for variant in laws):
         return ""
     return _command(fit, "compare")
 
