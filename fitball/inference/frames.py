@@ -216,8 +216,8 @@ def _rows_of_choice(
     here: Mapping[str, Estimate],
     choice: Alternative,
 ) -> Iterator[dict[str, object]]:
-    """The rows of a choice: one for each quantity, or a single one with the reason why the choice
-    was not tried.
+    """The rows of a choice: one for each quantity, or a single one where the choice was not tried,
+    or is a law that fits surely worse.
     """
     shared: dict[str, object] = {
         "choice": choice.choice,
@@ -231,7 +231,7 @@ def _rows_of_choice(
         "better": choice.better,
         "reason": choice.reason,
     }
-    if choice.reason:
+    if choice.reason or not choice.summaries:
         yield {**shared, "quantity": ""}
         return
     for name, there in choice.summaries.items():

@@ -96,7 +96,7 @@ PRIORS: Mapping[str, str] = {
 ERRORS = {"scale": 0.01, "clock": 1e-3, "tilt": 0.005236, "court_height": 3e-3}
 # Parameters whose intervals are counted.
 JUDGED = ("mu", "eps_10", "cor_10", "cor_slope", "k_theta", "k_y")
-MODEL = fitball.model("two-mass")
+MODEL = fitball.model("two-mass", ball=Scene().ball_value())
 # Parameter of the scatter of a column, by name of the column.
 NOISES = {name: column.noise for name, column in COLUMNS.items() if column.noise is not None}
 SPECS = {spec.name: spec for spec in (*MODEL.parameters, *NOISES.values())}

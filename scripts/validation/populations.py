@@ -92,7 +92,7 @@ def groups_of(true: Mapping[str, float], rng: np.random.Generator) -> dict[str, 
         rng.uniform(-150.0, 150.0, ROWS),
     )
     columns = {name: getattr(states, name) for name in ("v_x1", "v_y1", "omega_1")}
-    model = fitball.model("grip-slip")
+    model = fitball.model("grip-slip", ball=Scene().ball_value())
     rebound = model.rebound({spec.name: true[spec.name] for spec in model.parameters}, states)
     for name, noise in (("v_x2", "v_x_sd"), ("v_y2", "v_y_sd"), ("omega_2", "spin_sd")):
         columns[name] = getattr(rebound, name) + true[noise] * rng.standard_normal(ROWS)

@@ -202,10 +202,10 @@ def search_starts(posed: Problem, point: PointFit) -> FloatArray:
 
 def _starts_of_law(law: str, posed: Problem, problem: Problem, point: PointFit) -> FloatArray:
     """Coordinates (starts, coordinates) from which the variant `posed` of a fit with another law of
-    restitution is searched: the fit's best optima under that law.
+    restitution is searched: the fit's best optimum under that law, which acts on restitution alone.
     """
-    optima = point.optima[:FOLLOWED_OPTIMA]
-    return np.stack([posed.coordinates(values_under(law, problem, values)) for values in optima])
+    values = values_under(law, problem, point.optima[0])
+    return posed.coordinates(values)[None]
 
 
 def _draws_about(
@@ -307,7 +307,8 @@ def _compare(
     rng: np.random.Generator,
 ) -> Alternative:
     """A variant compared with the fit `base` of the same rows. For each parameter `to_all` has how
-    far all rows move it, in coordinates, and the factor by which they widen it.
+    far all rows move it, in coordinates, and the factor by which they widen it. A law of
+    restitution that fits surely worse has no summaries: no value rests on it, and draws take time.
 
     Raises:
         FitError: the variant has no answer about its best values (`no-answer`), or its weighted
@@ -315,6 +316,11 @@ def _compare(
     """
     posed = there.problem
     prior = there.problem.prior
+    gap = score_gap(base, there)
+    if gap.worse and choice.startswith(f"{LAW_CHOICE}="):
+        best = {name: float(value[0]) for name, value in posed.values(there.best[None]).items()}
+        text = posed.forward.model.text
+        return Alternative(choice, instead_of, text, best, {}, gap.score, gap.error, as_good=False)
     x, log_weights, k = importance(
         lambda q: log_posterior(posed, q),
         [there.about],
@@ -334,7 +340,6 @@ def _compare(
     deviation = np.vstack([there.best, x]) - there.best
     q = there.best + move + wider * deviation
     q = np.clip(q, prior.low, prior.high)
-    gap = score_gap(base, there)
     values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
     alike = posed.forward.noise.name == base.problem.forward.noise.name
     return Alternative(
