@@ -18,6 +18,8 @@ def test_a_table_of_the_model_itself_gives_its_parameters(tmp_path):
     fit = fitball.calibrate(
         tmp_path / "balls.csv",
         model="grip-slip",
+        # That of the model, not of a ball of which nothing is stated.
+        fix={"inertia_ratio": 0.56},
         point_only=True,
         progress=False,
     )
