@@ -204,7 +204,9 @@ def test_methods_have_every_value_with_its_unit(fit, point):
     text = fit_words.methods(fit)
     for name in fit.summary.index[fit.summary["kind"] == "model"]:
         row = fit.summary.loc[name]
-        value = unit_of(fit, name).with_interval(row["median"], row["q025"], row["q975"])
+        unit = unit_of(fit, name)
+        median = unit.estimate(row["median"], 0.25 * (row["q975"] - row["q025"]))
+        value = f"{median} {unit.interval(row['q025'], row['q975'], *fit.end_errors[name])}"
         assert f"{name} = {value}" in text
     assert "24 impacts" in text
     assert "2 independent ensembles of 8 walkers and 25 steps" in text

@@ -19,7 +19,7 @@ from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
 from fitball.report.blocks import Report, Table, Text
 from fitball.report.cite import escaped
-from fitball.report.fit_words import shown_texts
+from fitball.report.fit_words import interval_text, shown_texts
 from fitball.report.frame_rows import frame_rows
 from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_markdown
@@ -153,7 +153,7 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
         wide = 0.5 * (row.number("q84") - row.number("q16"))
         middle = row.number("median") if sampled else row.number("point")
         value, _, sd = unit.plus_minus(middle, wide).partition(" ± ")
-        interval = unit.interval(row.number("q025"), row.number("q975")) if sampled else ""
+        interval = interval_text(fit, row, unit) if sampled else ""
         shown, _ = shown_texts(fit, row, unit)
         if shown[:1] in ("<", ">"):
             value, sd, interval = shown, "", ""

@@ -26,6 +26,7 @@ from fitball.inference.judgement.rivals import Rival, rivals
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import Choices, Problem
+from fitball.inference.summary import end_errors
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.version import __version__
@@ -304,6 +305,29 @@ class Fitted:
         for quantity in self.problem.derived:
             quantities[quantity.spec.name] = quantity
         return quantities
+
+    @cached_property
+    def end_errors(self) -> Mapping[str, tuple[float, float]]:
+        """The Monte Carlo errors of both ends of the 95 % interval of each quantity by name, in SI;
+        none without draws. A derived quantity has the effective draws of the parameter that has
+        fewest.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.end_errors
+            {}
+        """
+        if self.diagnostics is None:
+            return {}
+        sizes = self.diagnostics.ess_tail
+        least = min(sizes.values())
+        errors = {}
+        for estimate in self.reported:
+            draws = self.quantity(estimate.name).rule(self.draws.values)
+            effective = min(sizes.get(estimate.name, least), float(draws.size))
+            errors[estimate.name] = end_errors(draws, effective)
+        return errors
 
     def prior_draws(self, name: str, count: int) -> Annotated[FloatArray, "draws"]:
         """Draws of a quantity under the priors alone, in SI, `count` of them.

@@ -11,8 +11,9 @@ import numpy as np
 
 from fitball.base.values import FloatArray
 
-# The quantiles whose effective sizes are those of the tails: the ends of a 90 % interval.
-TAILS = (0.05, 0.95)
+# The quantiles whose effective sizes are those of the tails: the ends of a 95 % interval, which are
+# printed.
+TAILS = (0.025, 0.975)
 
 
 class ArrayStatistics(Protocol):
