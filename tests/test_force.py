@@ -218,3 +218,21 @@ def test_an_amplifier_that_undershoots_is_refused(recovery, is_refused):
 def test_steps_of_a_converter_are_no_flat_top():
     in_steps = 20.0 * np.round(PULSE / 20.0)
     assert_near(fitball.contact_time(T, in_steps), 5e-3, 0.005)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 5, 7])
+def test_pulses_between_few_samples_are_refused(samples):
+    """By where the samples lie the time of half a sine would be off by 95, 25, 8 and 4 %."""
+    step = 5e-3 / samples
+    for shift in np.linspace(0.0, step, 6, endpoint=False):
+        t = np.arange(0.0, 0.05, step)
+        refused(t, half_sine(t, 0.01 + shift))
+
+
+@pytest.mark.parametrize("samples", [10, 20, 40])
+def test_ten_samples_of_a_pulse_are_enough(samples):
+    step = 5e-3 / samples
+    for shift in np.linspace(0.0, step, 6, endpoint=False):
+        t = np.arange(0.0, 0.05, step)
+        duration = fitball.contact_time(t, half_sine(t, 0.01 + shift))
+        assert_near(duration, 5e-3, 2.0 / samples**2)
