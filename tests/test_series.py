@@ -206,6 +206,24 @@ def test_a_drop_beside_numbered_intervals():
     assert_near(table.values["v_y2"], [*(0.76 * landings[:3])] * 2)
 
 
+@pytest.mark.parametrize("form", ["intervals", "peaks"])
+def test_a_drop_height_begins_a_series_that_is_not_numbered(form):
+    """Though the ball that is dropped from 0.32 m rises less than the one before had at last."""
+    drops = []
+    values = []
+    landings = []
+    for speed in (5.0, 2.5, 4.0):
+        times, peaks, landed = bounced(0.76, 0.55, first=0.76 * speed, count=2)
+        terminal = 2.0 * GRAVITY / (0.55 * PER_DRAG)
+        drops += [-np.log(1.0 - speed**2 / terminal) * terminal / (2.0 * GRAVITY), ""]
+        values += [*(np.diff(times) if form == "intervals" else peaks)]
+        landings += [speed, landed[0]]
+    name = "bounce_interval" if form == "intervals" else "peak_height"
+    table = fitball.load_table({"drop_height": drops, name: values})
+    assert_near(table.values["v_y1"], landings)
+    assert_near(table.values["v_y2"], 0.76 * np.array(landings))
+
+
 def test_a_drop_is_none_of_a_bounce_that_was_not_the_first():
     height, intervals, landings = dropped_and_heard()
     columns = {

@@ -91,7 +91,8 @@ def single_bounces(
         return Bounces(rest, {})
     values = columns[name]
     sds = columns.get(f"{name}_sd")
-    series = _series(cells, labels, name, values)
+    not_stated = np.full(len(values), np.nan)
+    series = _series(cells, labels, name, values, rest.get("drop_height", not_stated))
     own = [incident for incident in _OWN_INCIDENTS if incident in rest]
     in_columns = len({*cells.rows.tolist()}) < len(cells.rows)
     if own and not in_columns and _are_single(series, values, rest[own[0]]):
@@ -272,8 +273,11 @@ def _series(
     labels: Mapping[str, int],
     name: str,
     values: FloatArray,
+    drops: FloatArray,
 ) -> _Series:
-    """The numbers and neighbours of bounces, by their labels, numbers, and order."""
+    """The numbers and neighbours of bounces, by their labels, numbers, and order. Of bounces that
+    are not numbered one with a drop height (rows,) of its own is the first.
+    """
     column, number = _numbers_of_bounces(cells, labels)
     before = np.full(len(values), _NONE)
     for rows in _rows_of_runs(cells, labels):
@@ -284,7 +288,9 @@ def _series(
             pairs = [*_by_number(cells, measured, numbers)]
         for row, earlier in pairs:
             # Where rows are counted, or nothing is, the values show where a series begins.
-            if column in _NAMED["bounce"] or _continues(name, values[row], values[earlier]):
+            dropped_anew = np.isfinite(drops[row]) and drops[row] != drops[earlier]
+            continues = _continues(name, values[row], values[earlier]) and not dropped_anew
+            if column in _NAMED["bounce"] or continues:
                 before[row] = earlier
     return _Series(number, before)
 
