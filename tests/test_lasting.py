@@ -173,3 +173,14 @@ def test_sds_grow_as_that_of_a_mean_of_such_errors():
     for correlation in (0.3, 0.8):
         sd_of_mean = np.sqrt(np.sum(correlation**apart)) / count
         assert_allclose(widening(correlation), sd_of_mean * np.sqrt(count), rtol=0.01)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.5, -3.7])
+def test_roundings_of_a_coordinate_that_stands_still_do_not_count(x):
+    rng = np.random.default_rng(4)
+    impacts = []
+    for _ in range(20):
+        impact = impact_with(rng.standard_normal((60, 2)))
+        impact.position[:, 0] = x
+        impacts.append(impact)
+    assert lasting_correlation(impacts) == 0.0

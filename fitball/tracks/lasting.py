@@ -86,9 +86,10 @@ def _parabolas(impact: Impact) -> Iterator[_Parabola]:
         t = (impact.t[rows] - impact.t[rows].mean()) / step
         basis, _ = np.linalg.qr(np.vander(t, _UNKNOWNS))
         maker = np.eye(t.size) - basis @ basis.T
-        residuals = maker @ impact.position[rows]
-        # A coordinate that was not measured has none.
-        residuals = residuals[:, np.ptp(residuals, axis=0) > 0.0]
+        position = impact.position[rows]
+        # One that stands still was not measured: its residuals are roundings.
+        moves = np.ptp(position, axis=0) > 0.0
+        residuals = maker @ position[:, moves]
         if residuals.size:
             apart = np.abs(np.subtract.outer(t, t))
             neighbours = 0.5 * ((apart > 0.0) & (apart < _MOST_STEPS))
