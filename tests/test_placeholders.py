@@ -52,6 +52,23 @@ def test_zeros_for_spins_that_were_not_measured_are_named(name, rows):
         assert f"{row + 1}" in text
 
 
+def test_zeros_among_few_spins_that_an_offset_changes_are_named(tmp_path):
+    """Six impacts whose other spins are by 34 to 113 rad/s less than the balance without an offset
+    of the normal force; the two zeros by 330 to 390.
+    """
+    text = """v_1 [km/h],theta_1 [deg],omega_1 [rad/s],v_x2 [m/s],v_y2 [m/s],omega_2 [rad/s]
+61.2,20.5,0,10,4.9,{0}
+60.8,33,10.5,7.5,7.2,{1}
+62,45,-5.2,6.5,8.7,224.1
+61.5,60,2.1,4.2,10.3,131.9
+59.1,25.2,12.3,9.1,5.6,301
+60.2,50.9,-3.3,5.6,9.2,190.4
+"""
+    (note,) = notes_of(written(tmp_path, text.format(0, 0)), "zeros")
+    assert "omega_2 is 0 in rows 1 and 2" in note
+    assert notes_of(written(tmp_path, text.format(288, 306.8)), "zeros") == []
+
+
 def test_a_column_of_zeros_is_named():
     (text,) = notes_of(zeroed(impacts(), "omega_2", slice(None)), "zeros")
     assert "every row" in text

@@ -7,7 +7,6 @@ column as in the file.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping
 from shlex import quote
 from typing import TypeAlias
@@ -28,6 +27,7 @@ from fitball.base.units import factor_of
 from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.kinematics import Columns, counting_columns, velocity
+from fitball.data.positions import are_positions
 
 # Symbols of units by column.
 Units: TypeAlias = Mapping[str, str]
@@ -42,10 +42,6 @@ _NOTED_SHARE = 0.01
 _FAULTY_SHARE = 0.2
 # Columns of a table, and columns to choose from, that a message names.
 _NAMED_COLUMNS = 20
-# First words of columns that are positions over time, as `fitball track` reads them.
-_CLOCKS = frozenset(["t", "time", "frame"])
-_HEIGHTS_OVER_TIME = frozenset(["y", "z"])
-_FIRST_WORD = re.compile(r"[^\W\d_]+")
 
 
 def in_unit_of_file(name: str, value: float, units: Units) -> str:
@@ -66,7 +62,7 @@ def missing_columns(
     """
     incident = counting_columns(present, "1")
     meant = f" (columns: {listed(cells.names, most=_NAMED_COLUMNS)})"
-    if not incident and _are_positions(cells):
+    if not incident and are_positions(cells):
         file = quote(cells.source) if cells.lines is not None else "of this table"
         meant = f"{meant}: for positions over time, fitball track {file}"
     if option:
@@ -93,12 +89,6 @@ def missing_columns(
         cells.fault("no-rebound", f"no rebound column; expected one of {forms}{meant}")
     if "omega_2" in present and "omega_1" not in present:
         cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
-
-
-def _are_positions(cells: TableCells) -> bool:
-    """Whether the columns may be positions of a ball over time, no impacts."""
-    words = {word[0].casefold() for name in cells.names if (word := _FIRST_WORD.match(name))}
-    return not (words.isdisjoint(_CLOCKS) or words.isdisjoint(_HEIGHTS_OVER_TIME))
 
 
 def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:

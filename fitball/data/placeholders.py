@@ -31,8 +31,10 @@ _FAR = 4.0
 _LEAST_ZEROS = 2
 # A number is far from zero above this share of the usual size of its column,
 _FAR_SHARE = 0.25
-# and above this many times what the balance of angular momentum leaves in other rows.
+# and above this many times what the balance of angular momentum leaves in other rows, in the median
 _FAR_RESIDUALS = 4.0
+# or, of rows in which an offset leaves much in all, at the most.
+_FAR_FROM_MOST = 2.0
 # A ball that moves along the court with less than this share of its speed towards it is dropped.
 _DROPPED = 0.1
 
@@ -150,8 +152,11 @@ def _doubted_spins(
     complete = left[np.isfinite(left) & ~is_zero_after & ~is_zero_before]
     usual = left[np.isfinite(left) & ~is_zero_after]
     compared = complete if complete.size else usual
-    limit = _FAR_RESIDUALS * float(np.median(compared)) if compared.size else 0.0
-    limit = max(limit, _FAR_SHARE * float(np.nanmedian(np.abs(gain))))
+    limit = _FAR_SHARE * float(np.nanmedian(np.abs(gain)))
+    if compared.size:
+        usual_limit = _FAR_RESIDUALS * float(np.median(compared))
+        most = _FAR_FROM_MOST * float(compared.max())
+        limit = max(limit, min(usual_limit, most))
     doubted = {"omega_2": is_zero_after & (left > limit)}
     if "omega_1" in columns:
         doubted["omega_1"] = is_zero_before & ~is_zero_after & (left > limit)
