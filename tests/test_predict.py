@@ -20,6 +20,7 @@ from fitball.cli import main
 from fitball.data.scene import Scene
 from fitball.inference import predictive
 from fitball.inference.forward import Draws
+from fitball.inference.judgement.rivals import Rival
 from fitball.inference.schema import Alternative, NoiseCheck, ResidualTest
 from fitball.report import predict as page
 from fitball.report.render import to_text
@@ -294,13 +295,12 @@ def test_new_measurements_are_as_uncertain_as_models_that_predict_as_well(fit):
     state = {"v_x1": [15.0], "v_y1": [8.0], "omega_1": [0.0]}
     alone = fit.predict(state).frames["predictions"].set_index("column")
 
-    def widened(score, **values):
-        """The predictions with a variant of these values that scores so much more."""
-        every = {**base, **values}
-        words = ("other", "offset=contact", "grip-slip")
-        tried = (Alternative(*words, every, {}, score, 3.0, True),)
-        frame = fit_with_variants(tried=tried).predict(state).frames["predictions"]
-        return frame.set_index("column")
+    def widened(score, count=1, **values):
+        """The predictions with rivals of these values that score so much more."""
+        best = {name: np.array([value]) for name, value in {**base, **values}.items()}
+        rivaled = fit_with_variants()
+        rivaled.__dict__["rivals"] = (Rival(fit.problem.forward, best, score),) * count
+        return rivaled.predict(state).frames["predictions"].set_index("column")
 
     shift = 15.0 - alone["point"]["v_x2"]
     assert shift > 1.0
@@ -310,18 +310,14 @@ def test_new_measurements_are_as_uncertain_as_models_that_predict_as_well(fit):
     assert moved["new_q025"]["v_x2"] == ends.iloc[0]
     assert moved["new_q975"]["v_x2"] == pytest.approx(ends.iloc[1] + shift, rel=1e-9)
     assert moved["q975"].equals(alone["q975"])
-    # A noise that is larger by half.
-    noisy = widened(None, v_x_sd=1.5 * base["v_x_sd"])
+    # A noise that is larger by half; several rivals widen the fit's interval, not each other's.
     middle = alone["median"]["v_x2"]
     wider = middle + 1.5 * (ends - middle)
-    assert_allclose(noisy.loc["v_x2", ["new_q025", "new_q975"]].astype(float), wider.astype(float))
-    assert noisy.loc["omega_2", "new_q975"] == alone.loc["omega_2", "new_q975"]
-    # Several variants widen the fit's interval, and not each other's.
-    words = ("other", "offset=contact", "grip-slip")
-    many = {**base, "v_x_sd": 1.5 * base["v_x_sd"]}
-    tried = (Alternative(*words, many, {}, 0.0, 3.0, True),) * 3
-    three = fit_with_variants(tried=tried).predict(state).frames["predictions"]
-    assert three.set_index("column")["new_q975"].equals(noisy["new_q975"])
+    for count in (1, 3):
+        noisy = widened(None, count, v_x_sd=1.5 * base["v_x_sd"])
+        new = noisy.loc["v_x2", ["new_q025", "new_q975"]].astype(float)
+        assert_allclose(new, wider.astype(float))
+        assert noisy.loc["omega_2", "new_q975"] == alone.loc["omega_2", "new_q975"]
     # One of which a mixture has less than 2 % is named, and widens nothing.
     behind = widened(-4.5, mu=0.0)
     assert behind["new_q975"].equals(alone["new_q975"])

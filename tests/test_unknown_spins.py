@@ -71,10 +71,13 @@ def test_gaps_without_spins_are_fitted_by_a_model_with_a_time_axis():
     assert problem.forward.model.name == "two-mass"
     columns = {observable.column.name for observable in problem.observables}
     assert columns == {"v_x2", "v_y2", "gap_time"}
-    assert "k_y" in problem.free
+    # The offset moves what a gripping ball does along the court, too.
+    assert {"k_y", "k_theta", "eps_10"} <= {*problem.free}
     assert "unused-column" not in {note.code for note in problem.notes}
     # Without times nothing needs such a model.
-    assert problem_of(frame.drop(columns="gap_time")).forward.model.name == "brody"
+    untimed = frame.drop(columns="gap_time")
+    assert problem_of(untimed).forward.model.name == "brody"
+    assert "eps_10" not in problem_of(untimed, "two-mass").free
 
 
 def test_predictions_of_a_fit_without_spins_have_unknown_spins_too():

@@ -61,7 +61,8 @@ SPIN_SD = 10.0
 SCATTER_FREEDOM = 4
 # Noises that have the size `velocity_sd` of the scene.
 VELOCITY_NOISES = ("v_x_sd", "v_y_sd", "speed_sd")
-# Parameters that affect the spin alone: they are held at zero where no spin was measured.
+# Parameters that affect the spin most: they are held at zero where neither spins nor times of the
+# contact were measured.
 SPIN_ONLY = ("eps_10", "eps_slope", "offset")
 # The stiffness [N/m] at which `k_y` is held where only a contact time would show it.
 HELD_STIFFNESS = 2.0e4
@@ -321,10 +322,10 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         text = "No motion along the court was measured: only the vertical one is fitted."
         notes.append(Note("vertical-only", text))
     elif not table.has_spin:
+        held = "" if table.has_times else ", and offsets are held at 0"
         text = (
             "No spin was measured: each incident spin is unknown, 0 ± "
-            f"{UNKNOWN_SPIN_SD:.0f} rad/s, and offsets are held at 0. Of balls without spin state "
-            "a column omega_1 = 0."
+            f"{UNKNOWN_SPIN_SD:.0f} rad/s{held}. Of balls without spin state a column omega_1 = 0."
         )
         notes.append(Note("no-spin", text))
     elif "omega_1" not in table.values:
@@ -405,7 +406,7 @@ def _settings(
         name: text if "(" in text else (float(text), "fixed in the stored fit")
         for name, text in prior_texts.items()
     }
-    if table.has_tangential and not table.has_spin:
+    if table.has_tangential and not table.has_spin and not table.has_times:
         why = "it affects the spin, which was not measured"
         settings |= {name: (0.0, why) for name in SPIN_ONLY if name in specs}
     if "k_y" in specs and "k_theta" not in specs and not timed:
