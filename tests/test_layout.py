@@ -153,14 +153,18 @@ def test_a_factor_beside_the_header_multiplies_all_numbers(tmp_path, line, below
     assert "factor" in codes_of(table)
 
 
-@pytest.mark.parametrize("title", ["Test 1000", "10 balls", "1.0e+03", "July 10", "x", "2 *"])
+@pytest.mark.parametrize(
+    "title", ["Test 1000", "10 balls", "1.0e+03", "July 10", "x", "2 *", "Box 100"]
+)
 def test_a_title_is_no_factor(tmp_path, title):
     table = fitball.load_table(written(tmp_path, f"{title}\nv_y1,v_y2\n5,4\n6,5\n"))
     assert_allclose(table.values["v_y1"], [5.0, 6.0])
     assert codes_of(table) == ["above-header"]
 
 
-@pytest.mark.parametrize("title", ["Values x 10^3", "all numbers × 10³", "speeds (*1e-2)"])
+@pytest.mark.parametrize(
+    "title", ["Values x 10^3", "numbers × 10³", "speeds (*1e-2)", "1000 ×", "all ×100"]
+)
 def test_a_factor_in_a_title_may_be_in_the_numbers_or_not(tmp_path, title):
     path = written(tmp_path, f"Court 3\n{title}\nv_y1,v_y2\n5,4\n6,5\n")
     assert faults_of(path) == [("factor", None, 2)]

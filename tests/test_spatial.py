@@ -180,11 +180,12 @@ def test_a_sideways_component_leaves_the_vertical_as_it_is(azimuth, word):
     assert_planar(fitball.load_table(spatial), wanted)
 
 
-def test_u_v_and_w_are_proposed_as_components():
+@pytest.mark.parametrize("ends", [{"1": "_in", "2": "_out"}, {"1": "1", "2": "2"}])
+def test_u_v_and_w_are_proposed_as_components(ends):
     wanted = planar()
     spatial = without_spins(in_space(wanted, AZIMUTHS["to both sides"]))
     letters = dict(zip("xyz", "uvw", strict=True))
-    names = {name: f"{letters[name[2]]}_{'in' if name[3] == '1' else 'out'}" for name in spatial}
+    names = {name: f"{letters[name[2]]}{ends[name[3]]}" for name in spatial}
     own = {names[name]: column for name, column in spatial.items()}
     message = " ".join(str(refusal_of(own)).split())
     assert ",".join(f"{ours}={their}" for ours, their in names.items()) in message

@@ -452,8 +452,9 @@ def test_clips_whose_ids_name_balls_stay_clips():
 
 
 def test_confidence_below_the_limit_everywhere_is_said():
-    for name in ("confidence", "likelihood", "score"):
-        table = clip(frame=FRAME, **{name: 0.62})
+    heads = {"confidence": 0.62, "likelihood": 0.62, "score": 0.62, "conf (%)": 62, "score %": 62}
+    for name, number in heads.items():
+        table = clip(frame=FRAME, **{name: number})
         error = refused(table)
         assert error.code == "low-confidence"
         _, _, remedy = str(error).partition("--min-confidence ")

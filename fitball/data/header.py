@@ -296,6 +296,11 @@ def _titles(cells: TableCells, naming: Naming) -> list[_Title]:
         for index, title in enumerate(titles):
             if title.ours == "id" and bare_name(title.name) != "id":
                 titles[index] = title._replace(ours=None)
+    as_components = _uvw_guesses([title.cell for title in titles])
+    for index, title in enumerate(titles):
+        # Beside `u1` and `w1` a column `v1` is a component, and no speed.
+        if title.cell in as_components and title.ours == our_name(title.name) is not None:
+            titles[index] = title._replace(ours=None)
     names = [bare_name(title.name) for title in titles]
     meant = list[str]()
     for title, name in zip(titles, names, strict=True):

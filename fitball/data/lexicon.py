@@ -19,11 +19,12 @@ _MOST_LETTERS = 20
 # Words of names by what they mean: quantity, direction, end of the bounce, deviation, nothing.
 _LEXICON = {
     "quantity": {
-        "v": "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse",
-        "theta": "theta angle angles ang alpha winkel",
+        "v": "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse "
+        "velocidad velocità velocita",
+        "theta": "theta angle angles ang alpha winkel ángulo angulo angolo",
         "omega": "omega spin spins w rot rotation drall",
         "contact_time": "contacttime tcontact contactduration kontaktzeit tc",
-        "height": "h height heights hoehe höhe",
+        "height": "h height heights hoehe höhe hauteur altura altezza",
     },
     "direction": {
         "x": "x horizontal hor horiz tangential tan parallel",
@@ -32,15 +33,17 @@ _LEXICON = {
     },
     "end": {
         "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
-        "start approach pitch pitched landing i vor vorher avant drop dropped fall ein",
+        "start approach pitch pitched landing i vor vorher avant drop dropped fall ein "
+        "chute caída caida caduta antes prima",
         "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
-        "bounced nach nachher aus après apres",
+        "bounced nach nachher aus après apres rücksprung ruecksprung "
+        "rückprall rueckprall absprung rebond rebote rimbalzo después despues dopo",
     },
     "sd": {
         "_sd": "sd std stdev sigma err error errors uncertainty unc fehler unsicherheit erreur "
         "incertitude"
     },
-    "filler": {"": "ball of the mean avg average measured launch"},
+    "filler": {"": "ball of the mean avg average measured launch de du la le del di der des"},
 }
 _WORDS = {
     word: (kind, meaning)

@@ -39,8 +39,8 @@ _NAMES = {
     "bounce_interval": "interval intervals bounceintervals timeinterval timeintervals timebetween "
     "timebetweenbounces timebetweenbounce timebetweenimpacts timebetweenhits timetonextbounce "
     "interbouncetime interbounceinterval dt deltat δt tn flighttime timeofflight airtime hangtime "
-    "flightduration duration period intervall intervalle zeitabstand flugzeit intervallo "
-    "intervalo",
+    "flightduration duration period intervall intervalle zeitabstand zeitintervall flugzeit "
+    "intervallo intervalo intervalodetiempo intervalledetemps",
     "bounce_time": "time t times timestamp bouncetimes timeofbounce timesofbounces impacttime "
     "timeofimpact hittime eventtime soundtime onset peaktime zeit zeitpunkt temps instant tempo "
     "tiempo",

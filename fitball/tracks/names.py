@@ -119,6 +119,8 @@ _PIXELS = re.compile(
     r"(?P<name>.*?\w)[\s_/,]*[\[(]?\s*(?<![a-z])(?:px|pixels?)\s*[\])]?",
     re.IGNORECASE,
 )
+# A name with percent as its unit: `conf (%)`, `confidence %`.
+_PERCENT = re.compile(r"(?P<name>.*?\w)\s*[\[(]?\s*%\s*[\])]?")
 # A coordinate of a point of DLTdv: `pt1_cam1_X`.
 _DLTDV = re.compile(r"(?P<name>pt\d+(?:_cam\d+)?)_(?P<axis>[xyz])", re.IGNORECASE)
 # A coordinate of an object of Kinovea: `NAME/0/X`.
@@ -184,6 +186,9 @@ class FilmNaming:
         pixels = _PIXELS.fullmatch(cell.strip())
         if pixels:
             return pixels["name"], "px"
+        percent = _PERCENT.fullmatch(cell.strip())
+        if percent:
+            return percent["name"], "%"
         name, unit = self.plain.split(cell)
         front, _, last = cell.strip().replace(" ", "_").rpartition("_")
         if unit is None and _meaning(bare_name(front)) and symbol_of(last):
