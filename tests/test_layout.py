@@ -288,6 +288,48 @@ def test_short_words_count_at_the_end_where_numbers_are_such(tmp_path, words, la
     assert faults_of(written(tmp_path, text)) == wanted
 
 
+ROWS = [[5.1, 4.2], [6.3, 5.1], [6.2, 5.2], [6.6, 5.3]]
+# Their means and standard deviations.
+SUMMARY = {"mean": [6.05, 4.95], "sd": [0.65574, 0.51], "error": [0.1, 0.2]}
+
+
+@pytest.mark.parametrize("kind", [*SUMMARY])
+@pytest.mark.parametrize("word", ["погрешность", "incertezza", "误差", "±1 sd", "middel"])
+def test_rows_that_sum_up_are_seen_by_their_numbers_whatever_the_word(tmp_path, word, kind):
+    rows = [[k + 1, *numbers] for k, numbers in enumerate(ROWS)]
+    text = "\n".join(lines_of([["id", "v_y1", "v_y2"], *rows, [word, *SUMMARY[kind]]], ","))
+    assert faults_of(written(tmp_path, text)) == [("summary-row", 5, 6)]
+
+
+def test_words_behind_rows_that_sum_up(tmp_path):
+    rows = [[k + 1, *numbers, ""] for k, numbers in enumerate(ROWS)]
+    rows += [["", *numbers, word] for word, numbers in SUMMARY.items()]
+    text = "\n".join(lines_of([["id", "v_y1", "v_y2", "remark"], *rows], ","))
+    wanted = [("summary-row", 5 + k, 6 + k) for k in range(len(SUMMARY))]
+    assert faults_of(written(tmp_path, text)) == wanted
+
+
+def test_errors_in_the_row_below_the_header(tmp_path):
+    rows = [[k + 1, *numbers] for k, numbers in enumerate(ROWS)]
+    text = "\n".join(lines_of([["id", "v_y1", "v_y2"], ["u", 0.1, 0.1], *rows], ","))
+    assert faults_of(written(tmp_path, text)) == [("summary-row", 1, 2)]
+
+
+@pytest.mark.parametrize("place", ["first", "last"])
+def test_a_row_with_another_kind_of_id_is_an_impact(tmp_path, place):
+    rng = np.random.default_rng(6)
+    path = tmp_path / "table.csv"
+    for _ in range(40):
+        incident = rng.uniform(4.0, 9.0, 8)
+        ids = [*map(str, range(1, 8))]
+        ids.insert(0 if place == "first" else 7, "7b")
+        rows = [
+            [name, f"{v:.2f}", f"{0.75 * v:.2f}"] for name, v in zip(ids, incident, strict=True)
+        ]
+        path.write_text("\n".join(lines_of([["id", "v_y1", "v_y2"], *rows], ",")))
+        assert len(fitball.load_table(path)) == 8
+
+
 @pytest.mark.parametrize(
     "ids",
     [

@@ -15,7 +15,7 @@ from fitball.base.units import symbol_of
 from fitball.data import records
 from fitball.data.cells import TableCells, texts_of
 from fitball.data.records import NUMBER, NameWorth, Record, refusal
-from fitball.data.summaries import summary_fault, sums_up, take_out_last
+from fitball.data.summaries import summary_fault, sums_up, take_out
 
 # The number of a row of data, its line, and its cells.
 _Row: TypeAlias = tuple[int, int, list[str]]
@@ -161,7 +161,7 @@ def cells_of_records(
     cells.above = [[*unnamed, *record, *blank][:width] for _, record in head[:at]]
     cells.factor = factor
     _fill(cells, _rows_of_data(cells, chain(first, data), header, len(names)))
-    take_out_last(cells)
+    take_out(cells)
     return without_nameless(cells)
 
 
