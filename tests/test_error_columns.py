@@ -217,6 +217,14 @@ def test_errors_of_a_column_by_the_name_of_the_user():
     assert_allclose(table.sd["v_y2"], 0.01 * ROWS[:, 1] * ROWS[:, 2])
 
 
+@pytest.mark.parametrize("named", ["v_in", "v_in (m/s)", "v_in [m/s]"])
+@pytest.mark.parametrize("error", ["u(v_in) (m/s)", "v_in error (m/s)", "v_in_sd", "sd v_in [m/s]"])
+def test_errors_of_a_column_that_the_user_names_with_its_unit(named, error):
+    rows = {"v_in (m/s)": [5.0, 10.0], error: [0.05, 0.1], "v_y2": [3.9, 7.3]}
+    columns = {"v_y1": named}
+    assert_allclose(fitball.load_table(rows, columns=columns).sd["v_y1"], [0.05, 0.1])
+
+
 def test_errors_of_columns_that_are_not_known_are_proposed_with_them():
     rows = {"V1": ROWS[:, 0], "theta_1": [90.0] * 4, "v out": ROWS[:, 1], "v out err": ROWS[:, 2]}
     with pytest.raises(InputError) as caught:

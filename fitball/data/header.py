@@ -261,6 +261,10 @@ def read_header(cells: TableCells, naming: Naming, optional: Collection[str] = (
 def _errors_of(cells: TableCells, titles: Sequence[_Title], naming: Naming) -> ErrorColumns:
     """The columns of errors whose names we do not have as they are."""
     by_user = {plain_name(their): ours for ours, their in naming.theirs.items()}
+    # The user may have named a column with its unit, which the name of its errors does not repeat.
+    for title in titles:
+        if title.ours in naming.theirs:
+            by_user[plain_name(title.name)] = title.ours
 
     def known(text: str) -> str | None:
         ours = by_user.get(text) or our_name(text)
