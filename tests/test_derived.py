@@ -131,6 +131,18 @@ def test_a_drop_test_is_rated_by_its_rebound():
     assert derived_in(faster)["cor_254cm"].extrapolated
 
 
+def test_a_figure_tells_quantities_apart_by_their_symbols():
+    slow = np.linspace(2.0, 6.0, 8)
+    problem = grip_slip(0.0, slow, v_y2=0.75 * slow)
+    specs = [parameter.spec for parameter in problem.parameters if parameter.fixed is None]
+    specs += [quantity.spec for quantity in problem.derived]
+    symbols = [spec.symbol for spec in specs if spec.symbol]
+    assert len({*symbols}) == len(symbols)
+    # What is said of a value before the first comma is all that a table shows.
+    meanings = [spec.meaning.partition(",")[0] for spec in specs]
+    assert len({*meanings}) == len(meanings)
+
+
 def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median():
     slow = np.linspace(0.8, 2.7, 8)
     problem = grip_slip(2.0 * slow, slow)

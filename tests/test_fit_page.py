@@ -14,6 +14,7 @@ from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
 from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
+from fitball.report.blocks import Table
 from fitball.report.frame_rows import FrameRow
 from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_text
@@ -274,6 +275,18 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
     table = lab.section(fallen).blocks[1].rows
     assert len(table) == 4
     assert table[2]["COR, 95 %"] == "0.7450 [0.7410, 0.7490]"
+
+
+def test_constants_have_a_table_where_some_are_held(fit, monkeypatch):
+    def titles():
+        sections = {section.title: section for section in fit_page.report(fit).sections}
+        blocks = sections["Model assumptions"].blocks
+        return [block.title for block in blocks if isinstance(block, Table)]
+
+    assert "Constants" in titles()
+    monkeypatch.setitem(vars(fit), "constants", ())
+    assert titles()
+    assert "Constants" not in titles()
 
 
 def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
