@@ -504,10 +504,14 @@ GERMAN = (
     "Geschwindigkeit vor [km/h];Winkel vor;Drall vor [rpm];Geschwindigkeit nach "
     "[km/h];Winkel nach;Drall nach [rpm]"
 )
+COMPOUND = (
+    "Einfallsgeschwindigkeit [km/h];Einfallswinkel;Drehzahl vorher [rpm];"
+    "Rückprallgeschwindigkeit [km/h];Rückprallwinkel;Drehzahl nachher [rpm]"
+)
 OURS = "v_1 [km/h];theta_1;omega_1 [rpm];v_2 [km/h];theta_2;omega_2 [rpm]"
 
 
-@pytest.mark.parametrize("header", [OWN, GERMAN])
+@pytest.mark.parametrize("header", [OWN, GERMAN, COMPOUND])
 def test_the_names_that_are_proposed_read_the_table(tmp_path, header):
     """Without the spins it would be read with an incident spin of zero. `angle` beside `angle
     after` is the other.
@@ -547,6 +551,15 @@ def test_a_guess_never_swaps_incidence_and_rebound(end):
         names += 1
         guessed += bool(guess)
     assert guessed > 0.9 * names
+
+
+@pytest.mark.parametrize("rebound", ["Rücksprunghöhe", "Rueckprall Hoehe"])
+def test_german_heights_of_a_drop_are_proposed(rebound):
+    rows = {"Fallhöhe [cm]": [100.0, 150.0], f"{rebound} [cm]": [55.0, 81.0]}
+    with pytest.raises(InputError) as caught:
+        load_table(rows)
+    (fault,) = caught.value.faults
+    assert f"drop_height=Fallhöhe [cm],rebound_height={rebound} [cm]" in fault.message
 
 
 @pytest.mark.parametrize("name", ["v_72", "v_23", "V_2+", "theta_22", "teta_2", "omga_1", "omega_"])

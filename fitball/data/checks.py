@@ -65,6 +65,8 @@ def missing_columns(
     if not incident and are_positions(cells):
         file = quote(cells.source) if cells.lines is not None else "of this table"
         meant = f"{meant}: for positions over time, fitball track {file}"
+    else:
+        meant = f'{meant}: say which is which, --columns "v_1=YOUR NAME,..."'
     if option:
         meant = f': did you mean --columns "{option}"?'
     if incident not in INCIDENCES:
@@ -74,6 +76,8 @@ def missing_columns(
             "bounces bounce_interval, bounce_time or peak_height"
         )
         cells.fault("no-incident", f"{read}; expected {forms}{meant}")
+        # What is proposed was tried: nothing else is missing.
+        rebound = rebound and not option
         meant = ""
     elif incident == ("v_y1",):
         for name in REBOUND:

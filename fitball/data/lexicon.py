@@ -22,7 +22,7 @@ _LEXICON = {
         "v": "v vel velo velocity velocities speed speeds geschwindigkeit geschw tempo vitesse "
         "velocidad velocità velocita",
         "theta": "theta angle angles ang alpha winkel ángulo angulo angolo",
-        "omega": "omega spin spins w rot rotation drall",
+        "omega": "omega spin spins w rot rotation drall drehzahl winkelgeschwindigkeit",
         "contact_time": "contacttime tcontact contactduration kontaktzeit tc",
         "height": "h height heights hoehe höhe hauteur altura altezza",
     },
@@ -34,10 +34,11 @@ _LEXICON = {
     "end": {
         "1": "1 in inc incident incoming incidence inbound impact before pre prior initial init "
         "start approach pitch pitched landing i vor vorher avant drop dropped fall ein "
-        "chute caída caida caduta antes prima",
+        "chute caída caida caduta antes prima einfall einfalls auftreff aufprall",
         "2": "2 out outgoing outbound reb rebound rebounding exit after post final end f r bounce "
         "bounced nach nachher aus après apres rücksprung ruecksprung "
-        "rückprall rueckprall absprung rebond rebote rimbalzo después despues dopo",
+        "rückprall rueckprall absprung rebond rebote rimbalzo después despues dopo abprall "
+        "ausfalls",
     },
     "sd": {
         "_sd": "sd std stdev sigma err error errors uncertainty unc fehler unsicherheit erreur "

@@ -298,7 +298,7 @@ def _shutter_notes(session: Session, scene: Scene) -> Iterator[Note]:
     rate = _frame_rate(session.impacts)
     if rate < _PHONE_RATE and (scene.camera is None or scene.camera.row_time is None):
         words = (
-            f"At {rate:.4g} frames/s the shutter may be rolling, as phones have it, which "
+            f"A camera at {rate:.4g} frames/s may have a rolling shutter, as phones do, which "
             "positions do not show"
         )
         changes = "the restitution by 10 %"
