@@ -28,6 +28,7 @@ def line_problem(count=12, seed=0, noise=SD, copies=1, **choices):
     values = {
         "v_x1": v_x1,
         "v_y1": np.full(count, 8.0),
+        "omega_1": np.zeros(count),
         "v_x2": 0.6 * v_x1 + 1.0 + errors,
     }
     for name, column in values.items():
