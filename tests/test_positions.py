@@ -9,6 +9,7 @@ from fitball.base.errors import InputError
 POSITIONS = [
     "t [s],y [m]",
     "Time (s),Z (m)",
+    "Latest: Time (s),Latest: Position (m),Latest: Velocity (m/s)",
     "X_Value,x [m],y [m],Comment",
     "file name,visibility,x-coordinate,y-coordinate,status",
     "Latest: Time (s),Latest: X (m),Latest: Y (m)",

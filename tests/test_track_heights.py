@@ -106,7 +106,7 @@ def test_heights_may_have_the_names_of_sensors_and_grow_downwards():
     t, y, _ = bounced(100.0, 1e-3)
     upwards = fitball.track(pd.DataFrame({"t [s]": t, "y [m]": y}))
     expected, _ = speeds_of(upwards)
-    for name in ("z [m]", "height [m]", "Position [m]"):
+    for name in ("z [m]", "height [m]", "Position [m]", "Latest: Position (m)"):
         film = fitball.track(pd.DataFrame({"Time [s]": t, name: y}))
         assert speeds_of(film)[0] == pytest.approx(expected, rel=1e-12), name
     # A sensor above the ball measures how far away it is.

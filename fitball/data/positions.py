@@ -17,6 +17,8 @@ _AXIS = re.compile(
 )
 # Words of clocks beside a height alone.
 _CLOCKS = frozenset(["t", "time", "times", "timestamp", "elapsed", "frame", "frames"])
+# What motion sensors call a height.
+_SENSOR_HEIGHTS = frozenset(["position", "distance", "altitude"])
 # Words of components of something else than a position: `v.x`, `sd_y`.
 _NO_POSITIONS = frozenset(
     [
@@ -51,5 +53,7 @@ def are_positions(cells: TableCells) -> bool:
         if "/" in unit or not _NO_POSITIONS.isdisjoint(words):
             continue
         has_clock |= not _CLOCKS.isdisjoint(words)
+        if not _SENSOR_HEIGHTS.isdisjoint(words[-1:]):
+            axes.add("y")
         axes |= {match["axis"] for word in words if (match := _AXIS.fullmatch(word))}
     return {"x", "y"} <= axes or (has_clock and not axes.isdisjoint("yz"))

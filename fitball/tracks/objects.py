@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from fitball.data.cells import TableCells
-from fitball.data.lexicon import bare_name
+from fitball.data.lexicon import bare_name, without_data_set
 from fitball.tracks.names import (
     DIALECTS,
     LISTED,
@@ -120,7 +120,7 @@ def _balls_of_heights(
     """The ball of a table of heights over time alone, which are its y; empty of another table."""
     if not {"t", "frame"} & indices.keys() or "x" in indices:
         return []
-    bare = [bare_name(naming.split(name)[0]) for name in names]
+    bare = [bare_name(naming.split(without_data_set(name))[0]) for name in names]
     heights = [indices[name] for name in _HEIGHTS if name in indices]
     heights = heights or [bare.index(name) for name in _SENSOR_HEIGHTS if name in bare]
     if len(heights) != 1:
