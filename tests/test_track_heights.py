@@ -194,6 +194,11 @@ def test_a_page_draws_heights_over_time():
     drawn = first.lines[1].get_xdata()
     assert np.isin(drawn, t).all()
     assert np.ptp(drawn) > 0.1
+    # The restitution fills its figure: there are no gaps below it.
+    session = film.plot("session")
+    session.draw_without_rendering()
+    (alone,) = session.axes
+    assert alone.get_position().height > 0.6
 
 
 def test_two_coordinates_without_a_clock_or_two_heights_are_no_drops():

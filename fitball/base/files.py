@@ -157,7 +157,7 @@ def result_folder(
             raise _refused(path, error, "not-written") from None
         older = [name for name in (record, FIT_FILE) if name and (path / name).exists()]
         if record and older and not overwrite:
-            remedy = "replace it with --overwrite (overwrite=True), or name another folder"
+            remedy = "replace it with --overwrite (overwrite=True), or name another folder (--out)"
             raise FolderError(f"{path}: has {older[0]} of an older run; {remedy}", "older-result")
         yield ResultFolder(path)
     finally:

@@ -117,7 +117,7 @@ class Exported(Result):
                 return self.save(locked, overwrite=overwrite)
         existing = [name for name in self.contents if (folder.path / name).exists()]
         if existing and not overwrite:
-            remedy = "replace it with --overwrite (overwrite=True), or name another folder"
+            remedy = "replace it with --overwrite (overwrite=True), or name another folder (--out)"
             raise FolderError(
                 f"{folder.path / existing[0]}: is there already; {remedy}",
                 "older-result",
