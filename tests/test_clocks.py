@@ -115,3 +115,28 @@ def test_an_object_that_is_never_seen_has_no_idle_clock():
     (track,), notes = read(both)
     assert_is_the_bounce(track)
     assert "idle-clock" not in notes
+
+
+@pytest.mark.parametrize(
+    ("gaps", "counter"),
+    [
+        ({"t": (9, 40)}, "t"),
+        ({"frame": (9, 40)}, "frame"),
+        ({"t": (9,), "frame": (40,)}, ""),
+    ],
+)
+def test_of_two_clocks_that_part_the_one_with_the_gaps_counts(gaps, counter):
+    """One frame is lost before each of these rows, which the other clock does not count."""
+    clocks = {}
+    for name in ("t", "frame"):
+        steps = np.ones(TIME.size)
+        steps[[*gaps.get(name, ())]] += 1.0
+        clocks[name] = np.cumsum(steps)
+    table = clip(t=clocks["t"] / CAMERA["fps"], frame=clocks["frame"])
+    if not counter:
+        assert codes_of_refusal(table) == ["clocks-differ"]
+        return
+    (track,), notes = read(table)
+    assert "clocks-differ" in notes
+    expected = (clocks[counter] - clocks[counter][0]) / CAMERA["fps"]
+    assert_allclose(track.time - track.time[0], expected, atol=1e-9)

@@ -170,6 +170,10 @@ def test_a_stated_parameter_keeps_its_error_whatever_noise_was_expected(noise):
     stated = (result.values["slope"] - 0.62) / 0.01
     assert_near(result.chi_square, residual @ residual + stated**2, 1e-9)
     assert result.degrees_of_freedom == x.size + 1 - 2
+    # The noise of measurements is fitted, that of what is stated is not.
+    deviance = x.size * np.log(residual @ residual / x.size) + stated**2
+    assert_near(result.aic, deviance + 2.0 * 2, 1e-9)
+    assert_near(result.bic, deviance + 2.0 * np.log(x.size + 1), 1e-9)
 
 
 def speeds_of_heights(heights, cor_10, cor_slope, drag):

@@ -112,4 +112,5 @@ def test_angles_beyond_the_normal_are_those_of_balls_that_fly_the_other_way():
     ],
 )
 def test_balls_that_are_dropped_or_bounce_back_are_not_named(columns):
-    assert not backwards_of(fitball.load_table({**columns, "v_y2": [5.0, 5.2, 5.1]}))
+    measured = {**columns, "v_y2": [5.0, 5.2, 5.1], "omega_2": [1.0, 2.0, 3.0]}
+    assert not backwards_of(fitball.load_table(measured))

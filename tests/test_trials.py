@@ -106,6 +106,14 @@ PROPOSED = {
         "v_2": "Bounce Speed (mph)",
         "theta_2": "Bounce Angle",
     },
+    # The fifth guess alone cannot be meant.
+    "Shot,Landing Speed (mph),Landing Angle,Bounce Speed (mph),Bounce Angle,Bounce Spin (rpm)\n"
+    "1,37.1,51.7,12.5,21.9,9e9\n2,40.6,39.5,20.5,14.8,9e9\n3,32.6,35.9,17.0,16.6,9e9\n": {
+        "v_1": "Landing Speed (mph)",
+        "theta_1": "Landing Angle",
+        "v_2": "Bounce Speed (mph)",
+        "theta_2": "Bounce Angle",
+    },
 }
 
 
