@@ -9,8 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
+from support import trackers
 from support.films import RADIUS, Camera, bounces, filmed
 
+import fitball
+from fitball import cli
 from fitball.base.errors import InputError
 from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.tracks.read import read_tracks, scene_of
@@ -269,3 +272,16 @@ def test_mistakes_are_told_by_place(tmp_path, case):
         written_out = ["-" if number is None else str(number) for number in numbers]
         faults.append(" ".join([fault.code, *written_out]))
     assert sorted(faults) == sorted(case["faults"])
+
+
+def test_frames_of_no_confidence_at_all_are_used_where_the_limit_is_zero(tmp_path):
+    path = tmp_path / "film.csv"
+    trackers.clip(frame=trackers.FRAME, confidence=0.0).to_csv(path, index=False)
+    path.with_suffix(".toml").write_text('[camera]\nfps = 240\nmm_per_px = 2.0\ny = "down"\n')
+    with pytest.raises(InputError) as caught:
+        fitball.track(path)
+    assert caught.value.code == "low-confidence"
+    _, _, limit = str(caught.value).partition("--min-confidence ")
+    options = ["--min-confidence", limit, "--figures", "none"]
+    assert cli.main(["track", str(path), *options, "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "impacts.csv").exists()

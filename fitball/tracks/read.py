@@ -58,11 +58,11 @@ def scene_of(
     fps: float,
     mm_per_px: float,
     ball_diameter: str,
-    min_confidence: float = 0.0,
+    min_confidence: float | None = None,
 ) -> Scene:
     """The scene of films: that which is passed, or the file beside the first film. Frames a second,
-    millimetres a pixel, a diameter with its unit, and the least confidence of a frame override it
-    where they are not 0 or empty.
+    millimetres a pixel and a diameter with its unit override it where they are not 0 or empty, and
+    the least confidence of a frame where it is passed.
 
     Raises:
         ParameterError: the diameter is no length with a unit (`length`), or its unit is unknown.
@@ -80,7 +80,7 @@ def scene_of(
         camera = changed(camera, fps=fps)
     if mm_per_px:
         camera = changed(camera, mm_per_px=mm_per_px)
-    if min_confidence:
+    if min_confidence is not None:
         camera = changed(camera, min_confidence=min_confidence)
     ball = scene.ball
     if ball_diameter:
