@@ -331,6 +331,8 @@ def test_analysis_files_of_sleap(tmp_path, axes, stated):
         {"parts": ("tip", "ball"), "animals": ("a",)},
         {"parts": (), "space": "xy"},
         {"space": "xyz"},
+        {"space": "yx"},
+        {"space": "zxy"},
     ],
 )
 def test_datasets_of_movement(tmp_path, names, in_frames):
@@ -341,6 +343,12 @@ def test_datasets_of_movement(tmp_path, names, in_frames):
     assert "rows-counted" not in notes
     is_chosen = any(len(names.get(level, ())) > 1 for level in ("animals", "parts"))
     assert ("objects" in notes) == is_chosen
+
+
+def test_datasets_of_movement_in_polar_coordinates_are_refused(tmp_path):
+    path = tmp_path / "film.nc"
+    movement_dataset(path, space=("rho", "phi"))
+    assert refused(path).code == "no-positions"
 
 
 def test_older_netcdf_is_named(tmp_path):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fitball.base.text import one_line
+from fitball.base.text import listed, one_line
 from fitball.base.values import FloatArray
 from fitball.data import records
 from fitball.data.cells import CellArray, TableCells, texts_of
@@ -65,7 +65,8 @@ def cells_of_hdf5(source: str, data: bytes) -> TableCells | None:
     """The cells of positions of SLEAP, movement or DeepLabCut, None of another file in HDF5.
 
     Raises:
-        InputError: The file is damaged (`other-format`), or too large (`too-large`).
+        InputError: The file is damaged (`other-format`), too large (`too-large`), or has other
+            coordinates than x, y and z (`no-positions`).
     """
     import h5py
 
@@ -103,11 +104,12 @@ def _of_sleap(source: str, file: File) -> _Columns:
 
 def _of_movement(source: str, file: File) -> _Columns:
     """The columns of a dataset of movement, whose time is that of frames or in seconds. Raises
-    InputError (`too-large`).
+    InputError (`no-positions`, `too-large`).
     """
     axes = _axes_of_scales(file["position"])
     usual = ["individuals", "space", *(["keypoints"] if "keypoints" in axes else []), "time"]
     positions = _with_axes(source, file["position"], tuple(usual), axes)
+    positions = positions[:, _order_of_space(source, file, positions.shape[1])]
     usual.remove("space")
     scores = np.full([positions.shape[0], *positions.shape[2:]], np.nan)
     if "confidence" in file:
@@ -124,6 +126,17 @@ def _of_movement(source: str, file: File) -> _Columns:
     name = "frame" if is_counted else "t [s]"
     clock = _Clock(name, np.asarray(_values(source, file["time"]), dtype=np.float64))
     return _of_instances(clock, tracks, parts, positions, scores)
+
+
+def _order_of_space(source: str, file: File, count: int) -> list[int]:
+    """The places of x, y and z among the coordinates of a dataset of movement. Raises InputError
+    (`no-positions`) for others, such as polar ones.
+    """
+    names = _names(file, "space", count) or [*"xyz"[:count]]
+    if {*names} != {*"xyz"[:count]}:
+        words = f"positions have the coordinates {listed(names)}; expected x and y"
+        raise refusal(source, "no-positions", words)
+    return [names.index(axis) for axis in "xyz"[:count]]
 
 
 def _axes_of_scales(dataset: Dataset) -> tuple[str, ...]:

@@ -166,6 +166,8 @@ def movement_dataset(path, animals=("ball",), parts=("centre",), in_frames=False
                 positions[:, :, j, k] = np.nan
                 positions[FRAME, :2, j, k] = np.column_stack([X, Y])
                 positions[FRAME, 2:, j, k] = 0.0
+    order = ["xyz".index(name) for name in space if name in "xyz"]
+    positions = positions[:, order or slice(None)]
     axes = {
         "time": COUNT,
         "space": len(space),
