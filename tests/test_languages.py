@@ -15,7 +15,7 @@ from fitball.data.sources import read_cells
         ("Hauteur de chute (cm)", "Hauteur de rebond (cm)"),
         ("altura de caída (cm)", "altura de rebote (cm)"),
         ("altezza di caduta", "altezza del rimbalzo"),
-        ("vitesse avant (cm/s)", "vitesse après (cm/s)"),
+        ("vitesse balle avant (cm/s)", "vitesse balle après (cm/s)"),
         ("velocidad antes (cm/s)", "velocidad después (cm/s)"),
         ("velocità prima (cm/s)", "velocità dopo (cm/s)"),
     ],

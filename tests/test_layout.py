@@ -163,7 +163,8 @@ def test_a_title_is_no_factor(tmp_path, title):
 
 
 @pytest.mark.parametrize(
-    "title", ["Values x 10^3", "numbers × 10³", "speeds (*1e-2)", "1000 ×", "all ×100"]
+    "title",
+    ["Values x 10^3", "numbers × 10³", "speeds (*1e-2)", "1000 ×", "all ×100", "in thousandths"],
 )
 def test_a_factor_in_a_title_may_be_in_the_numbers_or_not(tmp_path, title):
     path = written(tmp_path, f"Court 3\n{title}\nv_y1,v_y2\n5,4\n6,5\n")
@@ -251,7 +252,17 @@ CERTAIN = [
     *("desviación estándar", "Desv. est.", "Desviación típica", "Deviazione standard", "Dev.St."),
     *("desvio padrão", "Standaarddeviatie", "Standardavvikelse", "Odchylenie standardowe"),
     *("StDev", "Std. Dev.", "St. Dev.", "STDEV.S", "Standard error", "SEM", "rel. SD"),
-    *("Mean ± SD", "Mean (n = 6)", "MEAN:", "Mittelwerte", "Moyenne", "Promedio", "Media", "média"),
+    *(
+        "Mean ± SD",
+        "Mittelwert ± Stabw.",
+        "Mean (n = 6)",
+        "MEAN:",
+        "Mittelwerte",
+        "Moyenne",
+        "Promedio",
+        "Media",
+        "média",
+    ),
     *("Gemiddelde", "Medelvärde", "Średnia", "Průměr", "keskiarvo", "среднее", "平均", "标准差"),
     *("Médiane", "Variance", "Variationskoeffizient", "Durchschnitt:", "Standardfehler"),
 ]

@@ -153,6 +153,17 @@ def test_a_code_for_what_was_not_measured_is_named_at_its_place(tmp_path, code):
     assert f"{float(code):g}" in fault.message
 
 
+def test_a_negative_code_that_repeats_is_named_beside_large_numbers():
+    table = impacts(6, spin=(0.0, 50.0))
+    table["omega_2"][[1, 4]] = -999.0
+    largest = np.abs(np.delete(table["omega_2"], [1, 4])).max()
+    assert 250.0 < largest < 499.0
+    with pytest.raises(InputError) as caught:
+        fitball.load_table(table)
+    codes = [(fault.code, fault.row, fault.column) for fault in caught.value.faults]
+    assert codes == [("placeholder", row, "omega_2") for row in (2, 5)]
+
+
 def test_a_number_like_a_code_among_such_numbers_is_one():
     speeds = np.array([99.0, 99.0, 60.0, 80.0])
     table = fitball.load_table({"v_y1 [km/h]": speeds, "v_y2 [km/h]": 0.6 * speeds})

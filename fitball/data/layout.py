@@ -40,7 +40,8 @@ _FACTOR = re.compile(
 # A title that states a factor, of which nobody knows whether the numbers have it already.
 _FACTOR_IN_TITLE = re.compile(
     r".*(?:\bx|[×*])\s*(?:1(?:[.,]0*)?[ed][+-]?\d{1,2}|10\s*(?:\^|\*\*)\s*[+-]?\d{1,2}"
-    r"|10[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2}|10{2,6})\W*|10{2,6}\s*[x×*]",
+    r"|10[⁻⁺]?[⁰¹²³⁴⁵⁶⁷⁸⁹]{1,2}|10{2,6})\W*|10{2,6}\s*[x×*]"
+    r"|.*\bin (?:tenth|hundredth|thousandth|hundred|thousand)s\W*",
     re.IGNORECASE,
 )
 # Digits above the line as others.

@@ -44,7 +44,10 @@ _LEXICON = {
         "_sd": "sd std stdev sigma err error errors uncertainty unc fehler unsicherheit erreur "
         "incertitude"
     },
-    "filler": {"": "ball of the mean avg average measured launch de du la le del di der des"},
+    "filler": {
+        "": "ball of the mean avg average measured launch de du la le del di der des "
+        "balle balles pelota palla"
+    },
 }
 _WORDS = {
     word: (kind, meaning)

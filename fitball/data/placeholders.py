@@ -27,6 +27,8 @@ _NAMED = 12
 _CODES = (99.0, 999.0, 9999.0, 99999.0, 999999.0)
 # A code is this many times as large as all other numbers of its column.
 _FAR = 4.0
+# A negative one that repeats exactly need be this many times.
+_FAR_REPEATED = 2.0
 # Zeros are doubted in so many rows at least: one may be a zero.
 _LEAST_ZEROS = 2
 # A number is far from zero above this share of the usual size of its column,
@@ -87,7 +89,9 @@ def without_codes(
             continue
         is_code = np.isclose(sizes, largest, rtol=1e-9)
         others = sizes[~is_code & np.isfinite(sizes)]
-        if not others.size or largest <= _FAR * others.max():
+        repeats = np.count_nonzero(is_code) > 1 and np.all(column[is_code] < 0.0)
+        far = _FAR_REPEATED if repeats else _FAR
+        if not others.size or largest <= far * others.max():
             continue
         for row in np.flatnonzero(is_code).tolist():
             words = (

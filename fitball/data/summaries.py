@@ -56,8 +56,8 @@ _LEAST = "min|minimum"
 _MOST = "max|maximum"
 _SUMS = "sum|total|summe|gesamt|somme|suma|somma|totale|range|spannweite|etendue|rango"
 _MEANS = "m|mw|mv|moy|med|x̄|x̅|ø|μ|all|alle|tous|todos"
-# A remark in brackets, or a number behind a sign, as in `Mean (n = 6)`.
-_REMARK = re.compile(r"[\[({].*|[=:].*")
+# A remark in brackets, or what is behind a sign, as in `Mean (n = 6)` and `Mean ± SD`.
+_REMARK = re.compile(r"[\[({].*|[=:].*|(?<=\w)\s*±.*")
 # Rows by which numbers of a row may be judged.
 _LEAST_ROWS = 3
 # A spread is less than this share of the least number of its column,
