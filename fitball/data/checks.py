@@ -66,7 +66,7 @@ def missing_columns(
         file = quote(cells.source) if cells.lines is not None else "of this table"
         meant = f"{meant}: for positions over time, fitball track {file}"
     else:
-        meant = f'{meant}: say which is which, --columns "v_1=YOUR NAME,..."'
+        meant = f"{meant}: rename those that are meant, or state them in [columns] of a scene"
     if option:
         meant = f': did you mean --columns "{option}"?'
     if incident not in INCIDENCES:

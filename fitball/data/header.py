@@ -383,7 +383,7 @@ def _check_unknown(
     """Add a fault where an unknown name is a slip of one of ours that is not there, which are
     returned, or its brackets do not match.
     """
-    if name == cell.strip() and "[" in cell and our_name(cell.split("[")[0]):
+    if "[" in cell and our_name(cell.split("[")[0]) and not our_name(name):
         words = "the brackets do not match; expected a name and a unit, such as 'v_x1 [m/s]'"
         cells.fault("brackets", words, cell)
     if _CORR.fullmatch(cell):
