@@ -47,15 +47,34 @@ def test_no_printed_digit_is_finer_than_its_error(factor):
         low, high = middle - width * rng.uniform(0.1, 1.0), middle + width
         errors = width * 10.0 ** rng.uniform(-4.0, -0.5, 2)
         texts = unit.interval(low, high, *errors).strip("[]").split(", ")
+        assert float(texts[0]) < float(texts[1])
         for text, end, error in zip(texts, (low, high), errors, strict=True):
             if float(text) == 0.0:
                 assert abs(end) <= max(10.0 * errors.max(), 0.5 * width)
                 continue
-            assert finest(text) >= error * factor * (1.0 - 1e-9)
+            # Or it is the first of the width, without which both ends would be one number.
+            first = 10.0 ** np.floor(np.log10((high - low) * factor))
+            assert finest(text) >= min(error * factor, first) * (1.0 - 1e-9)
             # The end is rounded, by no more than five errors, or the digits of the width.
             away = abs(float(text) - end * factor)
             assert away <= 0.5 * finest(text) * (1.0 + 1e-9)
             assert away <= factor * max(5.0 * errors.max(), 0.25 * width)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_end_whose_error_is_large_stays_beyond_the_other(sign):
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        near = 10.0 ** rng.uniform(-3.0, 3.0)
+        far = near * 10.0 ** rng.uniform(0.7, 3.0)
+        error = far * 10.0 ** rng.uniform(-1.0, 1.0)
+        ends = sorted([sign * near, sign * far])
+        errors = (0.01 * near, error) if sign > 0.0 else (error, 0.01 * near)
+        texts = Unit("").interval(*ends, *errors).strip("[]").split(", ")
+        low, high = map(float, texts)
+        assert low < high
+        assert max(abs(low), abs(high)) == pytest.approx(far, rel=0.5) or error < 2.0 * far
+    assert Unit("", 1e4).interval(1.272e-4, 2.94e-3, 1e-6, 7e-3) == "[1.3, 30]"
 
 
 def test_without_errors_digits_are_those_of_the_width():
