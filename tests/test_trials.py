@@ -126,6 +126,32 @@ def test_what_is_proposed_is_read_and_nothing_else_is_proposed(text, tmp_path):
     assert options.get("columns", {}) == PROPOSED[text]
 
 
+HEIGHTS_IN_CM = "100,57\n150,84\n254,139\n"
+# Tables without units, and the columns that a refusal proposes with theirs.
+WITHOUT_UNITS = {
+    f"drop_height,rebound_height\n{HEIGHTS_IN_CM}": ("drop_height [cm]", "rebound_height [cm]"),
+    f"h0,h1\n{HEIGHTS_IN_CM}": ("h0 [cm]", "h1 [cm]"),
+    "bounce,bounce_interval\n1,652\n2,505\n3,390\n4,300\n": ("bounce_interval [ms]",),
+    "drop_height [m],flight_time_2\n1.0,652\n1.5,805\n2.54,1035\n": ("flight_time_2 [ms]",),
+    # No unit makes these plausible.
+    "drop_height,rebound_height\n1e9,57\n1e9,84\n1e9,139\n": (),
+    # A unit that is stated is not doubted.
+    "drop_height [m],rebound_height [m]\n100,57\n150,84\n254,139\n": (),
+}
+
+
+@pytest.mark.parametrize("text", WITHOUT_UNITS)
+def test_units_are_proposed_where_none_is_stated_and_numbers_are_beyond_limits(text, tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    error = refusal(path)
+    options = options_in(str(error))
+    assert tuple(options.get("columns", {}).values()) == WITHOUT_UNITS[text]
+    if options:
+        table = fitball.load_table(path, **options)
+        assert np.all(table.values["v_y1"] < 8.0)
+
+
 def test_heights_counted_from_zero_are_those_of_the_file(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text(next(iter(PROPOSED)))

@@ -45,6 +45,7 @@ from fitball.data.trials import (
     FileNames,
     columns_to_leave_out,
     tried_readings,
+    tried_units,
     with_tried_guesses,
     with_tried_slips,
 )
@@ -253,6 +254,7 @@ def _table_of(written: TableCells, name: str, options: _Options) -> ImpactTable:
         if proposes:
             doubts = _doubts(header, values, numbers_read.columns, scene.ball_value())
             readings = tried_readings(doubts, names, attempt)
+            readings = readings or tried_units(cells.faults, names, attempt)
             cells.leave_out = columns_to_leave_out(cells.faults, names, attempt)
         _refuse_with_readings(cells, readings)
     sds = _sds(values, checked, rows)

@@ -145,6 +145,29 @@ def columns_to_leave_out(faults: Iterable[Fault], names: FileNames, attempt: Att
     return ",".join(contradictory) if contradictory and attempt(change) else ""
 
 
+def tried_units(faults: Iterable[Fault], names: FileNames, attempt: Attempt) -> list[str]:
+    """A sentence on the unit with which columns that state none are within their limits, where the
+    table can be read so, with what to do; none where no such column is beyond them.
+    """
+    outside = {fault.column for fault in faults if fault.code == "out-of-limits"}
+    for si, symbols in _UNITS.items():
+        bare = [ours for ours in names.cells if _has_no_unit(ours, si, names)]
+        for symbol in () if outside.isdisjoint(bare) else symbols:
+            heads = {ours: column_head(names.name(ours), symbol) for ours in bare}
+            columns = {**names.naming.columns, **heads}
+            if attempt(Change(columns, names.flip)):
+                words = f"with {listed(bare)} in {symbol} instead of {si} all is within limits"
+                return [f'{words}: if so, pass --columns "{as_pairs(columns)}"']
+    return []
+
+
+def _has_no_unit(ours: str, si: str, names: FileNames) -> bool:
+    """Whether a column of such a quantity states no unit."""
+    column = COLUMNS.get(ours.removesuffix("_sd"))
+    is_stated = names.stated_unit(ours) or ours in names.naming.units
+    return column is not None and column.unit == si and not is_stated
+
+
 def tried_readings(doubts: Iterable[Doubt], names: FileNames, attempt: Attempt) -> list[str]:
     """Sentences on the other readings with which the table can be read, each with what to do."""
     sentences = list[str]()
