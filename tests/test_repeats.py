@@ -159,3 +159,15 @@ def test_a_single_mark_is_a_slip():
     with pytest.raises(InputError) as refusal:
         fitball.load_table({"v_y1": [5.0, 6.0], "v_y2 a": [4.0, 4.5]})
     assert refusal.value.faults[0].code == "misspelt-column"
+
+
+@pytest.mark.parametrize("name", ["T", "Maß "])
+def test_faults_of_repeats_name_the_columns_as_the_file_does(name):
+    rows = {"H": [2.0, 5.5], f"{name}0": [1.06, 2.17], f"{name}1": [0.95, 1.53]}
+    columns = {"drop_height": "H", "bounce_interval": f"{name}*"}
+    with pytest.raises(InputError) as refused:
+        fitball.load_table(rows, columns=columns)
+    (fault,) = refused.value.faults
+    assert fault.row == 2
+    assert fault.column in (f"{name}*", f"{name}*".casefold())
+    assert fault.column == "T*" or name != "T"

@@ -177,10 +177,14 @@ def _marked(place: int, cell: str, naming: Naming) -> _Marked | None:
     for ours, their in naming.theirs.items():
         if "*" in their:
             pattern = "(.*)".join(map(re.escape, their.split("*", 1)))
-            for written in (text.casefold(), cell.casefold()):
-                matched = re.fullmatch(pattern, written)
+            for written in (text, cell):
+                folded = written.casefold()
+                matched = re.fullmatch(pattern, folded)
                 if matched is not None:
-                    return _Marked(place, ours, unit, Mark(their, matched[1], word=True))
+                    # As the file has it, unless folding made two letters of one.
+                    starred = f"{written[: matched.start(1)]}*{written[matched.end(1) :]}"
+                    starred = starred if len(folded) == len(written) else their
+                    return _Marked(place, ours, unit, Mark(starred, matched[1], word=True))
     ours_of_text = naming.by_user(cell, text) or our_name(text)
     if ours_of_text is not None:
         parts = Mark(text, "")
