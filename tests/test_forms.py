@@ -327,3 +327,14 @@ def test_other_columns_of_a_good_table_are_not_proposed(name):
     assert [*table.values] == ["v_y1", "v_y2"]
     if name != "racket speed":
         assert "series" not in notes_of(table)
+
+
+def test_a_surface_speed_of_the_other_sign_is_flipped():
+    """A racket at 10 m/s: ball and racket meet at 30 m/s and part at 15."""
+    columns = {"v_y1": [20.0, 22.0], "surface_speed": [-10.0, -11.0], "v_y2": [25.0, 27.0]}
+    with pytest.raises(InputError) as caught:
+        fitball.load_table(columns)
+    assert "--flip surface_speed" in str(caught.value)
+    table = fitball.load_table(columns, flip="surface_speed")
+    assert table.values["v_y1"].tolist() == [30.0, 33.0]
+    assert table.values["v_y2"].tolist() == [15.0, 16.0]

@@ -342,3 +342,16 @@ def test_flights_of_a_fit_depend_on_the_drag():
     seen = predictions[(predictions["column"] == "v_y2") & predictions["observed"].notna()]
     assert len(seen) == len(fit.run.table)
     assert_near(seen["median"].to_numpy(), seen["observed"].to_numpy(), 0.01)
+
+
+@pytest.mark.parametrize("numbers", [[3, 2, 1, 0], [0, 1, 2, 4], [1, 0, 3, 2]])
+def test_numbers_of_bounces_in_any_order_are_no_rebound_heights(numbers):
+    peaks = {0: 1.0, 1: 0.56, 2: 0.31, 3: 0.18, 4: 0.1}
+    columns = {"bounce": numbers, "peak_height": [peaks[number] for number in numbers]}
+    assert "not-read" not in notes_of(fitball.load_table(columns))
+
+
+def test_two_forms_of_one_series_are_one_fault():
+    columns = {"bounce": [1, 2, 3], "bounce_time": [0.0, 0.66, 1.16]}
+    both = {**columns, "bounce_interval": [0.66, 0.5, 0.38]}
+    assert codes_of(both) == ["two-series"]

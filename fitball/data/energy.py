@@ -122,6 +122,8 @@ def _remedy(shown: Columns, above: Annotated[BoolArray, "rows"], option: str) ->
     if "surface_speed" in option:
         return f'did the surface move? --columns "{option}"'
     words = "look for swapped columns and other units, or state ball and noise in the scene"
+    if "surface_speed" in shown and np.all(shown["surface_speed"][above] < 0.0):
+        return f"{words}. surface_speed is positive towards the ball: --flip surface_speed"
     dropped = shown.keys() <= {"v_y1", "v_y2", "v_1", "v_2"}
     if dropped and 2 * int(above.sum()) > len(above):
         return f"{words}; add the speed of a racket or plate as surface_speed"

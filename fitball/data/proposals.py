@@ -94,7 +94,8 @@ class _Unknown:
 def with_proposals(cells: TableCells, header: Header, naming: Naming) -> Header:
     """The header with what its unknown columns may mean in view of the whole table."""
     unknown = _unknown_columns(cells, header, naming)
-    counts = [column for column in unknown if is_count(column.name, column.values)]
+    in_series = not header.numbers.keys().isdisjoint(SERIES)
+    counts = [column for column in unknown if is_count(column.name, column.values, in_series)]
     others = [column for column in unknown if column not in counts]
     guesses = dict(header.guesses)
     for count in counts:

@@ -88,7 +88,6 @@ def single_bounces(
     if len(present) > 1:
         words = f"{listed(present)} say the same; keep one of them (--ignore {present[1]})"
         cells.fault("two-series", words, present[1])
-        return Bounces(rest, {})
     values = columns[name]
     sds = columns.get(f"{name}_sd")
     not_stated = np.full(len(values), np.nan)
@@ -313,15 +312,18 @@ def _numbers_of_bounces(cells: TableCells, labels: Mapping[str, int]) -> tuple[s
     return "", none
 
 
-def is_count(name: str, values: FloatArray) -> bool:
+def is_count(name: str, values: FloatArray, in_series: bool) -> bool:
     """Whether a column of this name, with values (rows,), counts the bounces of each series: whole
-    numbers from 0 or 1, each one more than that before, or from the start again.
+    numbers from 0 or 1, each one more than that before, or from the start again; in any order where
+    quantities of a series are there.
     """
     bare = _bare(name)
     if bare not in _NAMED["bounce"] | _NAMED["count"] or not np.isfinite(values).all():
         return False
-    steps = np.diff(values)
     is_whole = bool(np.all(values == np.round(values)))
+    if in_series:
+        return is_whole
+    steps = np.diff(values)
     counts_on = (steps == 1.0) | (steps == 0.0) | (values[1:] == values.min())
     return is_whole and len(values) > 0 and values.min() in {0.0, 1.0} and bool(counts_on.all())
 
