@@ -26,6 +26,7 @@ from fitball.data.lexicon import (
     guess_of,
     is_unit,
     without_data_set,
+    without_unit,
     words_in,
 )
 from fitball.data.spatial import SPATIAL, spatial_name, with_spatial
@@ -159,6 +160,9 @@ class Naming:
                 for spelling in (unit, unit.replace("_", "/", 1)):
                     if symbol_of(spelling):
                         return front, spelling
+        if self.by_user(text):
+            # `Bounce (cm) (tennis ball)`: a unit anywhere, once it is clear that this is a name.
+            return text, without_unit(text)[1] or None
         return text, None
 
     def _is_name(self, text: str) -> bool:

@@ -66,6 +66,8 @@ _RUN_NAME = (
 # A run behind or before the name of a column: `Time (s) Run #1`, of Capstone.
 _BEFORE_RUN = re.compile(rf"(?P<name>.*[^\s,;])[\s,;]+{_RUN_NAME}", re.IGNORECASE)
 _BEHIND_RUN = re.compile(rf"{_RUN_NAME}[\s,;]+(?P<name>\S.*)", re.IGNORECASE)
+# A unit in brackets, wherever it stands in a cell.
+_BRACKETED = re.compile(r"\s*[\[(]([^\[\](){}]*)[\])]")
 
 
 def bare_name(name: str) -> str:
@@ -83,6 +85,15 @@ def without_data_set(cell: str) -> str:
         if match := pattern.fullmatch(cell.strip()):
             cell = match["name"]
     return cell
+
+
+def without_unit(cell: str) -> tuple[str, str]:
+    """A header cell without the unit in brackets, wherever that stands, and the unit."""
+    for bracketed in _BRACKETED.finditer(cell):
+        if symbol_of(bracketed[1]) and not bracketed[1].strip().isdecimal():
+            around = f"{cell[: bracketed.start()]} {cell[bracketed.end() :]}"
+            return " ".join(around.split()), bracketed[1]
+    return " ".join(cell.split()), ""
 
 
 def end_of(name: str) -> str | None:

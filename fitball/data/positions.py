@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 
 from fitball.data.cells import TableCells
-from fitball.data.lexicon import without_data_set
-from fitball.data.repeats import without_unit
+from fitball.data.lexicon import without_data_set, without_unit
 
 # Words of a name, without its digits: `frame` of `frame_idx`.
 _WORDS = re.compile(r"[^\W_]+")

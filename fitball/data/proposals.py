@@ -20,8 +20,8 @@ from fitball.base.units import factor_of
 from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.header import LABELS, Header, Naming
-from fitball.data.lexicon import bare_name, guess_of
-from fitball.data.repeats import Mark, are_counted, mark_of, without_unit
+from fitball.data.lexicon import bare_name, guess_of, without_unit
+from fitball.data.repeats import Mark, are_counted, mark_of
 from fitball.data.series import is_count
 
 # What people call columns, by ours, without blanks and signs; a `ratio` may be two of them.

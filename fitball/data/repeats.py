@@ -15,10 +15,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from fitball.base.text import listed
-from fitball.base.units import symbol_of
 from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.data.cells import ABSENT, CellArray, TableCells
 from fitball.data.header import NUMBERS, Naming, our_name
+from fitball.data.lexicon import without_unit
 from fitball.data.records import check_shape
 
 # A name and the mark of a repeat behind it, a number or a letter, with a word or without.
@@ -28,8 +28,6 @@ _MARKED = re.compile(
     r"(?P<mark>[0-9]{1,3}|[a-h])\)?",
     re.IGNORECASE,
 )
-# A unit in brackets, wherever it stands in a cell.
-_BRACKETED = re.compile(r"\s*[\[(]([^\[\](){}]*)[\])]")
 # The mark of a column without one among those with one.
 _MARK_OF_FIRST = "0"
 # Share by which the mean of repeats beside them may be off by its last digit.
@@ -195,15 +193,6 @@ def _marked(place: int, cell: str, naming: Naming) -> _Marked | None:
         return None
     ours_of_name = naming.by_user(mark.name) or our_name(mark.name)
     return _Marked(place, ours_of_name, unit, mark) if ours_of_name in NUMBERS else None
-
-
-def without_unit(cell: str) -> tuple[str, str]:
-    """A header cell without the unit in brackets, wherever that stands, and the unit."""
-    for bracketed in _BRACKETED.finditer(cell):
-        if symbol_of(bracketed[1]) and not bracketed[1].strip().isdecimal():
-            around = f"{cell[: bracketed.start()]} {cell[bracketed.end() :]}"
-            return " ".join(around.split()), bracketed[1]
-    return " ".join(cell.split()), ""
 
 
 def _is_mean(cells: TableCells, column: _Marked, group: Sequence[_Marked]) -> bool:
