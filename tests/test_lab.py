@@ -246,6 +246,17 @@ def test_several_speeds_make_a_line_and_have_values_of_their_own():
     assert np.isnan(low["passes"])
 
 
+@pytest.mark.parametrize(("count", "stated"), [(3, 9), (2, 0)])
+def test_many_speeds_are_settings_where_each_was_repeated(count, stated):
+    """Restitution is 0.39 + 0.257 v - 0.044 v^2 at nine speeds."""
+    speed = np.repeat(np.linspace(0.5, 4.5, 9), count)
+    cor = 0.39 + 0.257 * speed - 0.044 * speed**2
+    frame = drop_test(impact_table({"v_y1": speed, "v_y2": cor * speed}), Scene())
+    by_speed = frame[frame["kind"] == "speed"]
+    assert_near(by_speed["speed"].to_numpy(), speed[::count][:stated])
+    assert_near(by_speed["cor"].to_numpy(), cor[::count][:stated])
+
+
 @pytest.mark.parametrize(
     "slowest", [0.8 * FALL, 1.035 * FALL, 1.06 * FALL, FALL - 3.24, FALL - 3.41]
 )
