@@ -2,10 +2,12 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import fitball
 from fitball import cli
@@ -190,6 +192,15 @@ def test_nothing_is_better_than_the_truth(tmp_path):
     fit = fitball.calibrate(table, point_only=True, cores=1)
     assert not any(variant.better for variant in fit.alternatives)
     assert advice.better_variants(fit) == ""
+    # Of several better ones the best is the one whose command is told.
+    better = [
+        structs.replace(fit.alternatives[0], choice=choice, better=True, score=score)
+        for choice, score in (("cor=power", 5.0), ("noise=student-t", 9.0))
+    ]
+    sentence = advice.better_variants(replace(fit, alternatives=tuple(better)))
+    (words,) = commands_in(sentence)
+    assert words[-2:] == ["--noise", "student-t"]
+    assert "cor=power" in sentence
 
 
 def test_a_prior_that_excludes_the_data_is_at_fault():
