@@ -553,25 +553,6 @@ def test_a_guess_never_swaps_incidence_and_rebound(end):
     assert guessed > 0.9 * names
 
 
-@pytest.mark.parametrize("form", ["{q} (cm) (tennis ball)", "{q} [cm] tennis", "{q} (cm), court 2"])
-def test_a_unit_within_a_name_of_the_user_counts(form):
-    rows = {form.format(q="Drop"): [100.0, 150.0], form.format(q="Bounce"): [55.0, 81.0]}
-    columns = {"drop_height": form.format(q="Drop"), "rebound_height": form.format(q="Bounce")}
-    ours = load_table({"drop_height [m]": [1.0, 1.5], "rebound_height [m]": [0.55, 0.81]})
-    table = load_table(rows, columns=columns)
-    for name, values in ours.values.items():
-        assert_allclose(table.values[name], values)
-
-
-@pytest.mark.parametrize("rebound", ["Rücksprunghöhe", "Rueckprall Hoehe"])
-def test_german_heights_of_a_drop_are_proposed(rebound):
-    rows = {"Fallhöhe [cm]": [100.0, 150.0], f"{rebound} [cm]": [55.0, 81.0]}
-    with pytest.raises(InputError) as caught:
-        load_table(rows)
-    (fault,) = caught.value.faults
-    assert f"drop_height=Fallhöhe [cm],rebound_height={rebound} [cm]" in fault.message
-
-
 @pytest.mark.parametrize("name", ["v_72", "v_23", "V_2+", "theta_22", "teta_2", "omga_1", "omega_"])
 def test_a_slip_in_a_name_is_a_fault_and_no_column_of_ones_own(name):
     assert faults_of({"v_1": [1.0], name: [1.0]}) == [("misspelt-column", None, None, name)]
