@@ -118,7 +118,6 @@ def test_stated_errors_become_those_of_the_state():
         "omega_1=3",
         "v_y1=2..4",
         "v_1=3..4:2000, theta_1=10..20:2000",
-        "v_x1=-3, v_y1=2",
     ],
 )
 def test_what_makes_no_impact(text):

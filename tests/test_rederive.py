@@ -219,7 +219,7 @@ def test_the_computation_as_a_model_is_the_computation():
         "eps_slope": 1e-4,
     }
     law = {"cor_10": 0.77, "cor_slope": -0.015}
-    states = impacts([15.0, 9.0, -4.0], [6.0, 10.0, 8.0], [0.0, 150.0, 40.0])
+    states = impacts([15.0, 9.0, 4.0], [6.0, 10.0, 8.0], [0.0, 150.0, 240.0])
     rebound = model.evaluate([*values, *law], np.array([[*values.values(), *law.values()]]), states)
     cor = fitball.model("brody").rebound({"mu": 0.1, **law}, states).v_y2 / states.v_y1
     ball = Ball()

@@ -29,7 +29,7 @@ G = 9.80665
 # A tennis ball: radius [m], mass [kg], moment of inertia over m r^2.
 RADIUS = 0.03302
 MASS = 0.0576
-RATIO = 0.54
+RATIO = 0.56
 # Air [kg/m^3], the drag coefficient in it, and the sd of that coefficient from shot to shot.
 DENSITY = 1.2
 DRAG = 0.507
