@@ -60,7 +60,8 @@ def linear(v_x1, v_y1, omega_1, ball, a="normal(0.7, 0.1)"):
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory):
     """What passed in fits of several kinds and in what people make of them."""
-    pulse = np.array([0.0, 0.0, 0.0, 300.0, 600.0, 700.0, 600.0, 300.0, 0.0, 0.0, 0.0])
+    times = 2e-4 * np.arange(60.0)
+    pulse = np.where((times > 3e-3) & (times < 8e-3), np.sin(np.pi * (times - 3e-3) / 5e-3), 0.0)
     heights = {"drop_height": [2.54] * 4, "rebound_height": [1.4, 1.41, 1.39, 1.4]}
     with shapes.held(shapes.shaped_functions(fitball)) as trace:
         fit = fitball.calibrate(
@@ -76,7 +77,7 @@ def trace(tmp_path_factory):
         fitball.compare("wang_zero_spin", models="grip-slip,brody", cores=1)
         fitball.calibrate({**heights, "ball": list("aabb")}, point_only=True).report()
         fitball.calibrate("synthetic_drop", model=fitball.model_from(linear), point_only=True)
-        fitball.contact_time(1e-3 * np.arange(11.0), pulse)
+        fitball.contact_time(times, 700.0 * pulse)
         ranking.errors_and_points(*ranking.case_values({}))
         appendices.slips_frame()
     return trace

@@ -270,7 +270,7 @@ class Model:
                 "times",
             )
         travel = travel_of(impact)
-        row = self.solve.rows(self.ball, names, with_share(names, values, travel.share))[0]
+        row = self.solve.rows(self.ball, names, with_share(names, values, travel.share[:, None]))[0]
         history = followed(row, self.solve.flags, travel.forwards, times)
         turn_back(history.courses, travel.side)
         if not self.tangential:
