@@ -263,6 +263,21 @@ def test_help_needs_no_heavy_package():
     assert "--as-read" in done.stdout
 
 
+def test_a_check_needs_no_package_that_fits():
+    code = (
+        "import sys, fitball.cli as c\nc.main(['check', 'wang_all'])\n"
+        "heavy = {'scipy', 'numba', 'matplotlib', 'emcee', 'lmfit'}\n"
+        "sys.exit(','.join(heavy & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_package_runs_as_a_module():
     done = subprocess.run(
         [sys.executable, "-P", "-m", "fitball", "--version"],

@@ -9,7 +9,7 @@ from scipy import integrate, special, stats
 
 from fitball.base.errors import ParameterError
 from fitball.base.prior_families import FAMILIES
-from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.priors import ParameterSpec, parse_prior, usual_value
 
 
 def prior_of(text, lower=0.0, upper=5.0):
@@ -339,3 +339,10 @@ def test_the_whole_of_a_density_lies_within_its_limits(text, lower, upper, low, 
 def test_a_page_says_how_each_family_is_written():
     page = (Path(__file__).parent.parent / "docs" / "reference.md").read_text(encoding="utf-8")
     assert [f.form for f in FAMILIES.values() if f"`{f.form}`" not in page] == []
+
+
+@pytest.mark.parametrize("family", ["lognormal(0.3, 0.5)", "normal(1, 0.1)", "gamma(2, 3)"])
+def test_the_usual_value_is_that_at_the_location(family):
+    spec = ParameterSpec("x", "m", 0.0, 5.0, family, "x", "x")
+    prior = parse_prior(spec)
+    assert usual_value(spec) == float(prior.value(np.array(prior.location)))

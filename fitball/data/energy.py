@@ -9,7 +9,7 @@ import numpy as np
 
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.display_units import PLAIN
-from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.priors import ParameterSpec, usual_value
 from fitball.base.text import listed
 from fitball.base.values import Ball, BoolArray, FloatArray
 from fitball.data.cells import TableCells
@@ -158,9 +158,7 @@ def expected_noises(scene: Scene) -> dict[str, float]:
             continue
         stated = _stated_noise(scene, spec)
         if stated is None:
-            usual = parse_prior(spec)
-            median = usual.value(np.array(usual.location))
-            stated = float(median)
+            stated = usual_value(spec)
         noises[name] = stated
     return noises
 
