@@ -1,0 +1,1 @@
+"""Films and recordings: frames with their own stamps, the ball in them, bounces by their sound."""
