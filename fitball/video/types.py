@@ -1,4 +1,4 @@
-"""What rooms say of films to each other: `Clip` and its `Frame`s, the `Look` at them, `Seen` and its
+"""Types that rooms share on films: `Clip` and its `Frame`s, the `Look` at them, `Seen` and its
 `Sightings`.
 
 `films.open_film` makes clips, `find.find_balls(clip, look, progress)` what is seen in them.
