@@ -8,10 +8,22 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from threading import Lock
 
+# By these a process tells linear algebra to use one thread, before NumPy starts. Its matrices here
+# are small: more threads wait for each other, and sums would depend on their number.
+ONE_THREAD = dict.fromkeys(
+    (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+    ),
+    "1",
+)
 # Threads that kernels share; None: the cores of this process.
 _count: ContextVar[int | None] = ContextVar("_count", default=None)
 log = logging.getLogger("fitball")
@@ -36,13 +48,61 @@ def cores() -> int:
 @contextmanager
 def threads(count: int | None) -> Iterator[None]:
     """Let kernels share draws over `count` threads inside (None: this process's cores); workers of
-    a pool use one.
+    a pool use one. Linear algebra uses one in any case.
     """
     token = _count.set(count)
     try:
-        yield
+        with _one_thread_of_algebra():
+            yield
     finally:
         _count.reset(token)
+
+
+class _Limit:
+    """The limit of linear algebra in this process while `users` of it are at work: fits in several
+    threads share it, and the last to leave lifts it.
+    """
+
+    def __init__(self) -> None:
+        self.lock = Lock()
+        self.users = 0
+        self.held = ExitStack()
+
+    def enter(self) -> None:
+        """Limit linear algebra to one thread, unless another user did."""
+        from threadpoolctl import threadpool_limits
+
+        with self.lock:
+            if not self.users:
+                self.held.enter_context(threadpool_limits(1, "blas"))
+            self.users += 1
+
+    def leave(self) -> None:
+        """Give linear algebra its threads back, unless others are at work."""
+        with self.lock:
+            self.users -= 1
+            if not self.users:
+                self.held.close()
+
+
+_limit = _Limit()
+
+
+@contextmanager
+def _one_thread_of_algebra() -> Iterator[None]:
+    """Let linear algebra of this process use one thread inside."""
+    if os.environ.get("OPENBLAS_NUM_THREADS") == "1":
+        # The command line and workers say so before NumPy starts.
+        yield
+        return
+    # SciPy has linear algebra of its own, which is found only once it is loaded.
+    import scipy.linalg  # noqa: F401
+
+    _limit.enter()
+    try:
+        yield
+    finally:
+        _limit.leave()
 
 
 def run_in_threads(work: Callable[[int, int], object], size: int, least: int) -> None:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 _Input = TypeVar("_Input")
 _Output = TypeVar("_Output")
-# Processes share the cores: threads of numerical libraries would only fight over them.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 # How loky says that a process ended.
 _ENDED = re.compile(r"\b[A-Z]+\(-?\d+\)")
 # How long a Dask scheduler may take to answer [s].
@@ -139,7 +137,7 @@ def _workers(count: int, address: str) -> Iterator[_Workers]:
     from joblib.externals.loky import ProcessPoolExecutor
 
     # Without time limit: loky does not always notice the death of a worker that it started late.
-    pool = ProcessPoolExecutor(count, timeout=None, env=_ONE_THREAD, initializer=_begin)
+    pool = ProcessPoolExecutor(count, timeout=None, env=environment.ONE_THREAD, initializer=_begin)
     try:
         yield _Workers(pool, count, (BrokenProcessPool,))
     finally:
