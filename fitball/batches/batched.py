@@ -9,6 +9,7 @@ from pathlib import Path
 from fitball.base.errors import Note, ParameterError, suggestion
 from fitball.base.numbers import counted
 from fitball.base.values import DataFrame
+from fitball.batches.control import Control, control_frame
 from fitball.batches.rows import FAILED, TableQuantity, over_tables
 from fitball.models.model import Model
 from fitball.uses.hierarchy import Hierarchy
@@ -19,8 +20,8 @@ class Batched:
     """A batch in a `folder`. Frames `tables` (`batch.csv`: a row a table, with outcome, adequacy,
     quantities in SI with sds and verdicts, measured pace and rebound) and `populations` (centre and
     spread of each quantity that three tables determine, by all tables with a posterior).
-    `quantities` are those of each table, by name; `own` is the user's function that all were fitted
-    with.
+    `quantities` are those of each table, by name; `control` has the control charts over tables in
+    order; `own` is the user's function that all were fitted with.
     """
 
     folder: Path
@@ -29,6 +30,7 @@ class Batched:
     quantities: Mapping[str, Mapping[str, TableQuantity]]
     notes: tuple[Note, ...] = ()
     own: Model | None = None
+    control: tuple[Control, ...] = ()
 
     def __repr__(self) -> str:
         tables = counted(len(self.tables), "table")
@@ -36,7 +38,8 @@ class Batched:
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:
-        """The frames of tables and populations, named as their files.
+        """The frames of tables and populations, and of control charts if there are any, named as
+        their files.
 
         Example:
             >>> import tempfile
@@ -48,7 +51,10 @@ class Batched:
             >>> {name: len(frame) for name, frame in batch.frames.items()}
             {'batch': 1, 'population': 0}
         """
-        return {"batch": self.tables, "population": self.populations}
+        frames = {"batch": self.tables, "population": self.populations}
+        if self.control:
+            frames["control"] = control_frame(self.control)
+        return frames
 
     @property
     def failed(self) -> Mapping[str, str]:

@@ -28,6 +28,7 @@ from fitball.base.scheduling import as_completed
 from fitball.base.values import DataFrame
 from fitball.batches import rows
 from fitball.batches.batch import Batch
+from fitball.batches.control import USUAL_CHARTING, Charting, control_charts, in_order
 from fitball.batches.rows import HEAD, TableRecord
 from fitball.batches.tables import scenes_of_folders, tables_by_name
 from fitball.data.read import TableSource
@@ -48,8 +49,8 @@ from fitball.uses.hierarchy import LEAST_GROUPS
 @dataclass(frozen=True)
 class Task:
     """What all tables of a batch have in common: the locked folder, options of a fit, its effort;
-    whether fits of other data or settings are replaced; figures of each page, None for no page; by
-    folder the scene of its tables that have none of their own.
+    whether fits of other data or settings are replaced; figures of each page, None for no page; how
+    control charts are made; by folder the scene of its tables that have none of their own.
     """
 
     folder: ResultFolder
@@ -57,6 +58,7 @@ class Task:
     effort: Effort
     overwrite: bool
     figures: bool | Literal["all"] | None
+    charting: Charting = USUAL_CHARTING
     scenes: Mapping[Path, Scene] = field(default_factory=dict)
 
     def scene_of(self, source: TableSource) -> Scene | str:
@@ -78,14 +80,16 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
 
     Raises:
         ParameterError: there are no tables (`no-tables`), several scenes of a folder
-            (`several-scenes`), no scheduler at the `address`
-            (`scheduler`), no such noise (`noise`), or an option is no mapping (`pairs`).
+            (`several-scenes`), no scheduler at the `address` (`scheduler`), no such noise
+            (`noise`), rules (`rules`) or baseline (`baseline`), or an option is no mapping
+            (`pairs`).
         ModelError: there is no such model, or the user's function fails (`own-model`).
         InputError: the scene cannot be read (`scene`).
     """
     # Read twice, which no iterator can be.
     data = [*data] if isinstance(data, Iterator) else data
     sources = tables_by_name(data, task.folder.path)
+    charting = task.charting.checked(len(sources))
     scene_files = {} if task.options["scene"] else scenes_of_folders(data)
     scenes = {folder: load_scene(None, file) for folder, file in scene_files.items()}
     options = _checked_options(task.options)
@@ -113,7 +117,7 @@ def fit_many(data: object, task: Task, address: str, show: Progress) -> Batch:
 
     notes = [_note_on_scene(folder, file) for folder, file in scene_files.items()]
     in_order = [records[name] for name in names]
-    return batch_of(task.folder.path, in_order, user_model, fit_of, notes)
+    return batch_of(task.folder.path, in_order, user_model, fit_of, notes, charting)
 
 
 def _note_on_scene(folder: Path, file: Path) -> Note:
@@ -149,9 +153,10 @@ def batch_of(
     user_model: Model | None,
     fit_of: Callable[[str], Fitted],
     notes: Sequence[Note] = (),
+    charting: Charting = USUAL_CHARTING,
 ) -> Batch:
-    """The result of the records of all tables, in their order, with notes on all of them; `fit_of`
-    reads the fit of a table by its name.
+    """The result of the records of all tables, in their order, with notes on all of them and
+    control charts; `fit_of` reads the fit of a table by its name.
     """
     import pandas as pd
 
@@ -171,7 +176,16 @@ def batch_of(
             quantities[table][name] = quantity
         by_name[name] = [*of_tables.values()]
     populations = rows.populations(by_name)
-    return Batch(folder, tables, populations, quantities, (*notes, *_notes(tables)), user_model)
+    control = control_charts(tables, quantities, charting)
+    return Batch(
+        folder,
+        tables,
+        populations,
+        quantities,
+        (*notes, *_notes(tables), *(_notes_on_order(tables) if control else ())),
+        user_model,
+        control,
+    )
 
 
 def _notes(tables: DataFrame) -> Iterator[Note]:
@@ -183,6 +197,19 @@ def _notes(tables: DataFrame) -> Iterator[Note]:
             "leave the option out for them"
         )
         yield Note("no-posterior", f"{text}.")
+
+
+def _notes_on_order(tables: DataFrame) -> Iterator[Note]:
+    """Why tables are not in the order of their dates."""
+    repeated = in_order(tables).repeated
+    if repeated is not None:
+        column, first, second = repeated
+        text = (
+            f"Control charts are in the order of names: {first} and {second} have the same "
+            f"{column}, and others between them by name have not. Correct the dates if they are "
+            "wrong"
+        )
+        yield Note("dates-repeat", f"{text}.")
 
 
 def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:

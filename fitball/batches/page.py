@@ -15,6 +15,7 @@ from fitball.base.numbers import counted, fixed
 from fitball.base.text import listed, one_line, short
 from fitball.base.values import Figure
 from fitball.batches.batched import Batched
+from fitball.batches.control_page import control_figure, control_lines, control_sections
 from fitball.batches.rows import DONE, ENDS
 from fitball.inference.sampling.importance import RELIABLE_K
 from fitball.report import style
@@ -88,7 +89,7 @@ def report(batch: Batched) -> Report:
     )
     summary: list[Block] = [
         Text(lead, "lead"),
-        Text([Mark(text, "part") for text in reasons], "list"),
+        Text([*control_lines(batch.control), *(Mark(text, "part") for text in reasons)], "list"),
         _population_table(batch),
         Picture("tables", caption),
         Text([note.text for note in batch.notes], "list"),
@@ -99,6 +100,7 @@ def report(batch: Batched) -> Report:
     )
     again = "The same command again fits what is not finished, and nothing else."
     sections = [
+        *control_sections(batch.control),
         Section("Tables", [_table_of_all(batch)]),
         Section("Method and files", [Text([_ABOUT, files, again])]),
     ]
@@ -200,8 +202,13 @@ def _row_of_fit(table: Series, several_models: bool) -> dict[str, str]:
 
 
 def figures(batch: Batched) -> Mapping[str, Callable[[], Figure]]:
-    """The quantities over the tables, if any."""
-    return {"tables": partial(_figure, batch)} if len(batch.populations) else {}
+    """The quantities over the tables, and their control charts, if any."""
+    drawn = dict[str, Callable[[], Figure]]()
+    if len(batch.populations):
+        drawn["tables"] = partial(_figure, batch)
+    if batch.control:
+        drawn["control"] = partial(control_figure, batch.control)
+    return drawn
 
 
 def _figure(batch: Batched) -> Figure:
