@@ -43,11 +43,13 @@ def impact_balances(
     images.
 
     NAME_sd is propagated from the stated errors of the whole row with their correlations; `noise`
-    are sds of rebound columns that state none, without which what depends on them has no sd. The
-    ball is exact.
+    are sds of rebound columns that state none, without which what depends on them has no sd. An
+    incident spin that was not measured is unknown. The ball is exact.
     """
     import pandas as pd
 
+    if table.has_tangential:
+        table = table.with_unknown_spins()
     rebound = [
         name for name in (*counting_columns(table.values, "2"), "omega_2") if name in table.values
     ]

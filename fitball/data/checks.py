@@ -28,6 +28,7 @@ from fitball.base.values import FloatArray
 from fitball.data.cells import TableCells
 from fitball.data.kinematics import Columns, counting_columns, velocity
 from fitball.data.positions import are_positions
+from fitball.data.table import UNKNOWN_SPIN_SD
 
 # Symbols of units by column.
 Units: TypeAlias = Mapping[str, str]
@@ -92,7 +93,9 @@ def missing_columns(
         forms = listed(after, "or", _NAMED_COLUMNS)
         cells.fault("no-rebound", f"no rebound column; expected one of {forms}{meant}")
     if "omega_2" in present and "omega_1" not in present:
-        cells.note("no-incident-spin", "no column omega_1: the incident spin is taken as 0")
+        unknown = f"each incident spin is unknown, 0 ± {UNKNOWN_SPIN_SD:.0f} rad/s"
+        of_zeros = "of balls without spin state a column omega_1 = 0"
+        cells.note("no-incident-spin", f"no column omega_1: {unknown}; {of_zeros}")
 
 
 def limits(cells: TableCells, numbers: Columns, units: Units) -> dict[str, FloatArray]:

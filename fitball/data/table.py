@@ -25,6 +25,9 @@ from fitball.data.labels import first_spelled
 # Correlations printed to six digits are possible still where an eigenvalue of their matrix is this
 # far below zero.
 _LARGEST_ROUNDING = 1e-6
+# Sd of the normal prior of an incident spin of which nothing was measured [rad/s]: topspin and
+# backspin of Wang's balls, 1,000 a minute.
+UNKNOWN_SPIN_SD = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +114,23 @@ class ImpactTable:
         columns = [COLUMNS[name] for name in REBOUND if name in self.values]
         along = any(column.tangential or column.formula is not None for column in columns)
         return along and "v_x1" in velocity(self.values, "1")
+
+    def with_unknown_spins(self) -> ImpactTable:
+        """The table with incident spins of 0 ± UNKNOWN_SPIN_SD, where it has none; else as it is. A
+        spin that is known to be zero is a column of zeros.
+
+        Example:
+            >>> import fitball
+            >>> table = fitball.load_table("synthetic_drop").with_unknown_spins()
+            >>> table.sd["omega_1"].tolist()
+            [100.0, 100.0, 100.0, 100.0, 100.0]
+        """
+        if "omega_1" in self.values:
+            return self
+        count = len(self)
+        values = {"omega_1": np.zeros(count), **self.values}
+        sd = {**self.sd, "omega_1": np.full(count, UNKNOWN_SPIN_SD)}
+        return replace(self, values=values, sd=sd)
 
     def covariance(
         self,

@@ -19,7 +19,7 @@ from fitball.data.idle import idle_keys, idle_note
 from fitball.data.load import Sources, load_data
 from fitball.data.read import Reading
 from fitball.data.scene import Scene, ValueWithSd
-from fitball.data.table import ImpactTable
+from fitball.data.table import UNKNOWN_SPIN_SD, ImpactTable
 from fitball.inference.forward import ForwardModel, LeveledParameter, spec_at_label
 from fitball.inference.noise import noise_kind
 from fitball.inference.problem.camera import CAMERA_SPECS, camera_of
@@ -42,11 +42,7 @@ from fitball.inference.problem.problem import (
     Rows,
     base_of,
 )
-from fitball.inference.problem.row_errors import (
-    UNKNOWN_SPIN_SD,
-    row_errors,
-    with_unknown_spins,
-)
+from fitball.inference.problem.row_errors import row_errors
 from fitball.models.model import Model
 from fitball.models.registry import candidates, model_of_data, refuse_what_is_no_name
 from fitball.models.registry import model as model_of
@@ -276,7 +272,7 @@ def _measurements(
     """
     columns = [observable.column.name for observable in observables]
     bare = [observable.column.name for observable in observables if observable.noise in noiseless]
-    read = with_unknown_spins(table) if forward.model.tangential else table
+    read = table.with_unknown_spins() if forward.model.tangential else table
     errors = row_errors(read, columns, bare)
     sd = np.zeros((len(table), len(columns)))
     if errors is None:
@@ -321,17 +317,14 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
     if not model.tangential:
         text = "No motion along the court was measured: only the vertical one is fitted."
         notes.append(Note("vertical-only", text))
-    elif not table.has_spin:
-        held = "" if table.has_times else ", and offsets are held at 0"
+    elif "omega_1" not in table.values:
+        held = "" if table.has_spin or table.has_times else ", and offsets are held at 0"
+        measured = "incident spin" if table.has_spin else "spin"
         text = (
-            "No spin was measured: each incident spin is unknown, 0 ± "
+            f"No {measured} was measured: each incident spin is unknown, 0 ± "
             f"{UNKNOWN_SPIN_SD:.0f} rad/s{held}. Of balls without spin state a column omega_1 = 0."
         )
-        notes.append(Note("no-spin", text))
-    elif "omega_1" not in table.values:
-        notes.append(
-            Note("no-incident-spin", "No column omega_1: the incident spin is taken as zero.")
-        )
+        notes.append(Note("no-incident-spin" if table.has_spin else "no-spin", text))
     observables = []
     for column in (COLUMNS[name] for name in REBOUND if name in table.values):
         if not model.predicts(column):

@@ -7,7 +7,6 @@ state `u + t` it is predicted as `f(u + t) - B t`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -23,21 +22,6 @@ from fitball.data.table import ImpactTable
 ZERO_EIGENVALUE = 1e-10
 # Rows whose covariances are in memory at once.
 ROWS_AT_ONCE = 20_000
-# Sd of the normal prior of an incident spin of which nothing was measured [rad/s]: topspin and
-# backspin of Wang's balls, 1,000 a minute.
-UNKNOWN_SPIN_SD = 100.0
-
-
-def with_unknown_spins(table: ImpactTable) -> ImpactTable:
-    """The table with incident spins of 0 ± UNKNOWN_SPIN_SD, where it has no spins; else as it is. A
-    spin that is known to be zero is a column of zeros.
-    """
-    if table.has_spin:
-        return table
-    count = len(table)
-    values = {**table.values, "omega_1": np.zeros(count)}
-    sd = {**table.sd, "omega_1": np.full(count, UNKNOWN_SPIN_SD)}
-    return replace(table, values=values, sd=sd)
 
 
 class RowErrors(NamedTuple):
