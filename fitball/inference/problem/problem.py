@@ -23,7 +23,7 @@ from fitball.inference.problem.fall import FALL_SPECS, FallModel
 from fitball.inference.problem.instruments import measured_rebounds
 from fitball.inference.problem.joint_prior import JointPrior, Parameter
 from fitball.inference.problem.levels import ALL
-from fitball.inference.problem.row_errors import RowErrors
+from fitball.inference.problem.row_errors import LearntOffsets, RowErrors
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.models.types import Rebound
 
@@ -85,7 +85,8 @@ class Observable(NamedTuple):
 class Rows:
     """The measurements of a problem, in SI: incident `states`, and rebounds `y`, NaN where not
     measured or withheld (there is no other mask). `sd` are independent stated errors, zero where
-    there are none or where `errors` say all; `index` says which level each impact has.
+    there are none or where `errors` say all; `index` says which level each impact has. With offsets
+    that draws taught (`learnt`) predictions at uncertain states are an approximation.
     """
 
     states: Impacts
@@ -93,6 +94,7 @@ class Rows:
     sd: Annotated[FloatArray, "impacts columns"]
     errors: RowErrors | None
     index: Annotated[IntArray, "impacts levels"]
+    learnt: LearntOffsets | None = None
 
     def take(self, rows: Annotated[IntArray, "rows"]) -> Rows:
         """The rows with these numbers."""
@@ -102,6 +104,7 @@ class Rows:
             sd=self.sd[rows],
             errors=None if self.errors is None else self.errors.take(rows),
             index=self.index[rows],
+            learnt=None if self.learnt is None else self.learnt.take(rows),
         )
 
 

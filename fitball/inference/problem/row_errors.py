@@ -53,6 +53,38 @@ class RowErrors(NamedTuple):
         )
 
 
+class LearntOffsets(NamedTuple):
+    """How far predictions at sigma points of uncertain states lie from that at the stated state, in
+    SI: linear in coordinates, as draws taught it.
+
+    Offsets are those `at_centre`, and `slopes` times the distance from the `centre`, of the
+    coordinates with the numbers `used`. Beyond the limits `low` and `high` of the draws offsets
+    stay as they are there.
+    """
+
+    used: Annotated[IntArray, "coordinates"]
+    low: Annotated[FloatArray, "coordinates"]
+    high: Annotated[FloatArray, "coordinates"]
+    centre: Annotated[FloatArray, "coordinates"]
+    at_centre: Annotated[FloatArray, "points impacts columns"]
+    slopes: Annotated[FloatArray, "coordinates points impacts columns"]
+
+    def take(self, rows: Annotated[IntArray, "rows"]) -> LearntOffsets:
+        """The offsets of the rows with these numbers."""
+        at_centre = self.at_centre[:, rows]
+        return self._replace(at_centre=at_centre, slopes=self.slopes[:, :, rows])
+
+    def offsets(
+        self,
+        q: Annotated[FloatArray, "draws all_coordinates"],
+    ) -> Annotated[FloatArray, "draws points impacts columns"]:
+        """The offsets at coordinates of the free parameters of a problem."""
+        distance = np.clip(q[:, self.used], self.low, self.high) - self.centre
+        slopes = self.slopes.reshape(len(self.used), -1)
+        moved = (distance @ slopes).reshape(len(q), *self.at_centre.shape)
+        return moved + self.at_centre
+
+
 def row_errors(
     table: ImpactTable,
     columns: Sequence[str],
