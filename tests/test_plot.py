@@ -41,6 +41,14 @@ def test_figures_are_written_beside_the_fit(stored, capsys, form):
     assert fitball.load_fit(stored).run.table.name == "balls"
 
 
+def test_fonts_of_pdf_are_embedded_as_truetype(stored, capsys):
+    assert cli.main(["plot", str(stored / "fit.json"), "forest", "--format", "pdf", "--quiet"]) == 0
+    (path,) = stored.glob("forest*.pdf")
+    written = path.read_bytes()
+    assert b"/FontFile2" in written
+    assert b"/Type3" not in written
+
+
 def test_without_names_all_that_there_is_data_for(tmp_path):
     fit_by_hand(table_of(12, drop=True), sampled=False).save(tmp_path / "drop", figures=False)
     drawn = fitball.plot(tmp_path / "drop")
