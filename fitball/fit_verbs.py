@@ -228,6 +228,8 @@ def export(
     model: Model | str = "",
     fix: Pairs = None,
     at: str = "",
+    engine: str = "",
+    medians: bool = False,
 ) -> Exported:
     """Write parameters, or the bounce itself as source code, for another program.
 
@@ -245,13 +247,16 @@ def export(
             mu=literature:clay
         at (COLUMN=VALUE,...): impact of engine, and where page begins: "v_1=17, theta_1=30 deg,
             omega_1=0"
+        engine (NAME): the recipe of this physics engine alone
+        medians: medians of the fit in place of its best values
 
     Raises:
         ParameterError: neither a fit nor a model (`fit-or-model`). The format is unknown
             (`unknown-format`), or does not take an option (`not-for-this-format`). A label,
             parameter or key is unknown (`unknown-label`, `unknown-parameter`, `unknown-key`). A
             value is no number or out of bounds (`not-a-number`, `out-of-bounds`), or has no answer
-            (`no-answer`). The impact cannot be read (`impact`). An option is no mapping (`pairs`).
+            (`no-answer`). The impact cannot be read (`impact`). The engine is unknown
+            (`unknown-engine`). An option is no mapping (`pairs`).
         ModelError: the model has no source code to export (`no-port`), is a function (`own-model`),
             or is unknown (`unknown-model`, `unknown-option`).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
@@ -276,7 +281,8 @@ def export(
         raise ParameterError("expected the folder of a fit, or --model (model=)", "fit-or-model")
     levels = read_texts("level", level)
     values = read_pairs("fix", fix)
-    return Exported(exported(source, to, level=levels, fix=values, at=at))
+    contents = exported(source, to, level=levels, fix=values, at=at, engine=engine, medians=medians)
+    return Exported(contents)
 
 
 def load_fit(place: File, model: Model | str = "") -> Fit:

@@ -18,7 +18,7 @@ from fitball.base import display_units
 from fitball.base.columns import COLUMNS
 from fitball.base.numbers import Unit
 from fitball.data.scene import CameraSection, Scene
-from fitball.exports import engine, parameter_set
+from fitball.exports import engine, engine_page, parameter_set
 from fitball.inference import noise
 from fitball.inference.derived import quantities
 from fitball.inference.forward import CalibratedRange
@@ -252,7 +252,7 @@ def test_the_page_of_a_film():
 def test_the_settings_of_an_engine():
     parameter_values = parameter_set.set_of_model(fitball.model(), {})
     settings = engine.settings(parameter_values, fitball.impacts(8.0, 9.0, 10.0), 0.4)
-    row = engine._row(parameter_values, settings, ("v_x2", "omega_2"))
+    row = engine_page.setting_row(parameter_values, settings, ("v_x2", "omega_2"), 0.005)
     for kind, errors in (("error", settings.errors), ("rms", settings.rms)):
         for name, symbol in (("v_x2", "m/s"), ("omega_2", "rad/s")):
             assert shows(row[f"{kind} {name} [{symbol}]"], errors[name], symbol)

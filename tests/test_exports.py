@@ -19,7 +19,7 @@ from fitball import cli
 from fitball.base.errors import FitballError
 from fitball.base.values import Ball
 from fitball.data import bundled
-from fitball.exports import FORMATS, engine, parameter_set
+from fitball.exports import FORMATS, engine, engine_page, parameter_set
 
 NASTY = (
     "</script><script>alert(1)</script>",
@@ -236,15 +236,15 @@ def test_an_impact_outside_of_the_measured_ones_is_noted_for_each_surface(levell
 def test_a_drop_test_has_restitution_alone():
     vertical = fitball.model("two-mass+normal=total", tangential=False)
     parameters = parameter_set.set_of_model(vertical, {"cor_10": 0.7})
-    text = engine.settings_page([parameters], "v_y1=10")
+    text = engine_page.settings_page([parameters], "v_y1=10")
     assert "0.7000" in text
     assert "| friction mu |" not in text
-    exported = parsed(engine.settings_json([parameters], "v_y1=10"))
+    exported = parsed(engine_page.settings_json([parameters], "v_y1=10"))
     settings = exported["sets"][0]["settings"][0]
     assert settings["e"] == pytest.approx(0.7)
     assert settings["mu"] is None
     with pytest.raises(FitballError) as caught:
-        engine.settings_page([parameters], "v_1=10, theta_1=30")
+        engine_page.settings_page([parameters], "v_1=10, theta_1=30")
     assert caught.value.code == "impact"
 
 

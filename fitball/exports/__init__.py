@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from fitball.base.errors import ModelError, ParameterError, suggestion
 from fitball.base.text import listed
-from fitball.exports import arviz, engine, page, parameters
-from fitball.exports.parameter_set import set_of_model, sets_of_fit
+from fitball.exports import arviz, engine_page, page, parameters
+from fitball.exports.parameter_set import ParameterSet, set_of_model, sets_of_fit
 from fitball.exports.ports import FILES, port
 from fitball.inference.fitted import Fitted
 from fitball.models.model import Model
@@ -17,50 +17,55 @@ from fitball.models.model import Model
 class Format(NamedTuple):
     """A format of exports, and the name of its `file`.
 
-    `make` writes the content from parameter sets, the fit or None, and an impact in words. If it
-    `needs_fit`, it is of a whole fit with all its surfaces. If it `takes_impact`, it depends on the
-    impact. If it is `ported`, it has the bounce as source code, or tests it, which not every model
-    allows.
+    `make` writes the content from parameter sets, the fit or None, an impact in words, and the name
+    of a physics engine. If it `needs_fit`, it is of a whole fit with all its surfaces. If it
+    `takes_impact`, it depends on the impact; if it `takes_engine`, on the engine. If it is
+    `ported`, it has the bounce as source code, or tests it, which not every model allows.
     """
 
     file: str
     make: Callable[..., str | bytes]
     needs_fit: bool = False
     takes_impact: bool = False
+    takes_engine: bool = False
     ported: bool = False
 
 
 FORMATS: Mapping[str, Format] = {
     **{
-        name: Format(file, lambda sets, _fit, _at, name=name: port(sets, name), ported=True)
+        name: Format(file, lambda sets, *_others, name=name: port(sets, name), ported=True)
         for name, file in FILES.items()
     },
     "page": Format(
         "bounce.html",
-        lambda sets, _fit, at: page.page(sets, at),
+        lambda sets, _fit, at, _engine: page.page(sets, at),
         takes_impact=True,
         ported=True,
     ),
     "engine": Format(
         "engine.md",
-        lambda sets, _fit, at: engine.settings_page(sets, at),
+        lambda sets, _fit, at, name: engine_page.settings_page(sets, at, name),
         takes_impact=True,
+        takes_engine=True,
     ),
     "engine-json": Format(
-        "engine.json", lambda sets, _fit, at: engine.settings_json(sets, at), takes_impact=True
+        "engine.json",
+        lambda sets, _fit, at, name: engine_page.settings_json(sets, at, name),
+        takes_impact=True,
+        takes_engine=True,
     ),
-    "json": Format("parameters.json", lambda sets, fit, _at: parameters.as_json(sets, fit)),
+    "json": Format("parameters.json", lambda sets, fit, *_others: parameters.as_json(sets, fit)),
     "latex": Format(
         "parameters.tex",
-        lambda _sets, fit, _at: parameters.as_latex(fit),
+        lambda _sets, fit, *_others: parameters.as_latex(fit),
         needs_fit=True,
     ),
     "markdown": Format(
         "parameters.md",
-        lambda _sets, fit, _at: parameters.as_markdown(fit),
+        lambda _sets, fit, *_others: parameters.as_markdown(fit),
         needs_fit=True,
     ),
-    "arviz": Format("arviz.nc", lambda _sets, fit, _at: arviz.netcdf(fit), needs_fit=True),
+    "arviz": Format("arviz.nc", lambda _sets, fit, *_others: arviz.netcdf(fit), needs_fit=True),
 }
 
 
@@ -71,6 +76,8 @@ def export(
     level: Mapping[str, str],
     fix: Mapping[str, str | float],
     at: str,
+    engine: str = "",
+    medians: bool = False,
 ) -> Mapping[str, str | bytes]:
     """Contents of files by name, for another program.
 
@@ -81,13 +88,15 @@ def export(
         fix: values of parameters of a model, numbers in SI or `literature:KEY`; other parameters
             have their typical value
         at: an impact in words, for formats that take one
+        engine: a physics engine, for formats that take one; all without it
+        medians: the medians of a fit in place of its best values
 
     Raises:
         ParameterError: the format is unknown (`unknown-format`), or does not take an option
             (`not-for-this-format`). A label (`unknown-label`), parameter (`unknown-parameter`) or
             key (`unknown-key`) is unknown. A value is no number (`not-a-number`), is outside its
             bounds (`out-of-bounds`), is missing (`parameters`) or has no answer (`no-answer`). The
-            impact cannot be read (`impact`).
+            impact cannot be read (`impact`). The engine is unknown (`unknown-engine`).
         ModelError: the model is a Python function (`own-model`), or has no port (`no-port`).
         FitError: a point fit has no draws (`no-draws`).
     """
@@ -106,13 +115,19 @@ def export(
         f"at is an impact for {listed(with_impact, last='and')}, not for {to}": (
             bool(at) and not form.takes_impact
         ),
+        f"engine is a physics engine, not for {to}": bool(engine) and not form.takes_engine,
+        "medians are those of a fit: leave them out": medians and fit is None,
+        f"format {to} has the whole fit: leave out medians": medians and form.needs_fit,
     }
     for sentence, holds in faults.items():
         if holds:
             raise ParameterError(sentence, "not-for-this-format")
-    sets = (set_of_model(source, fix),) if isinstance(source, Model) else sets_of_fit(source, level)
+    if isinstance(source, Model):
+        sets: tuple[ParameterSet, ...] = (set_of_model(source, fix),)
+    else:
+        sets = sets_of_fit(source, level, medians=medians)
     try:
-        return {form.file: form.make(sets, fit, at)}
+        return {form.file: form.make(sets, fit, at, engine)}
     except ModelError as error:
         if not form.ported:
             raise

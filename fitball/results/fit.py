@@ -203,14 +203,22 @@ class Fit(Fitted, Result):
         with shown(progress) as show:
             return Frames(compare(problems, effort, show), page.PAGE)
 
-    def export(self, *, to: str, level: Pairs = None, at: str = "") -> Exported:
+    def export(
+        self,
+        *,
+        to: str,
+        level: Pairs = None,
+        at: str = "",
+        engine: str = "",
+        medians: bool = False,
+    ) -> Exported:
         """Parameters, or the bounce itself as source code, for another program; `to` is the
         format: `fitball.export` says more.
 
         Raises:
             ParameterError: the format is unknown (`unknown-format`), or does not take an option
                 (`not-for-this-format`); the label is unknown (`unknown-label`, `pairs`); the impact
-                cannot be read (`impact`).
+                cannot be read (`impact`); the engine is unknown (`unknown-engine`).
             ModelError: the model has no source code to export (`no-port`), or is a function
                 (`own-model`).
             FitError: a point fit has no draws to export (`no-draws`).
@@ -223,7 +231,9 @@ class Fit(Fitted, Result):
         """
         from fitball.exports import export
 
-        return Exported(export(self, to, level=read_texts("level", level), fix={}, at=at))
+        levels = read_texts("level", level)
+        contents = export(self, to, level=levels, fix={}, at=at, engine=engine, medians=medians)
+        return Exported(contents)
 
     def to_datatree(self) -> DataTree:
         """Draws, densities, predictions and data as ArviZ takes them.

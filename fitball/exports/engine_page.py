@@ -1,0 +1,313 @@
+"""Engine settings as a page in Markdown and as JSON: numbers, engines, recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from fitball.base.columns import COLUMNS
+from fitball.base.display_units import DEG
+from fitball.base.files import json_bytes
+from fitball.base.numbers import fixed
+from fitball.base.values import Impacts
+from fitball.exports.engine import (
+    OUTPUTS,
+    SOLIMP,
+    EngineSettings,
+    contact_duration,
+    inertias,
+    is_outside,
+    limits,
+    operating_point,
+    settings,
+    spring,
+)
+from fitball.exports.engines import Engine, chosen
+from fitball.exports.parameter_set import ParameterSet
+from fitball.models.specs import BALL_PARAMETERS
+from fitball.report.blocks import Block, Report, Section, Table, Text
+from fitball.report.render import to_markdown
+from fitball.version import __version__
+
+# What `works` means, in words.
+_WORKS = {
+    "settings": "by settings",
+    "fine steps": "by settings, with fine steps",
+    "port": "by the port only",
+}
+# How many times faster than a step an engine's friction stops a slip: MuJoCo's `solreffriction`.
+_SLIP_RATE = 0.75
+
+
+def _of_sets(
+    sets: Sequence[ParameterSet], point: Impacts
+) -> list[tuple[ParameterSet, list[EngineSettings]]]:
+    """The settings of each set for each inertia, that of the ball last."""
+    rows = list[tuple[ParameterSet, list[EngineSettings]]]()
+    for parameters in sets:
+        of_inertias = [settings(parameters, point, inertia) for inertia in inertias(parameters)]
+        rows.append((parameters, of_inertias))
+    return rows
+
+
+def numbers_of(parameters: ParameterSet, setting: EngineSettings, time: float) -> dict[str, float]:
+    """Numbers of recipes by name, SI, with a contact of `time` [s]."""
+    mass = parameters.values["ball_mass"]
+    radius = parameters.values["ball_radius"]
+    gyration = setting.inertia * radius**2
+    limit = limits(parameters, setting, time)
+    return {
+        "e": setting.e,
+        # Drop tests have no friction: that of a recipe is without effect on a ball that drops.
+        "mu": setting.mu,
+        "mass": mass,
+        "radius": radius,
+        "inertia": gyration * mass,
+        "gyration": gyration,
+        "threshold": limit.speed_threshold,
+        "step": limit.contact,
+        "slip": _SLIP_RATE / limit.contact,
+    }
+
+
+def recipes(
+    numbers: Mapping[str, float], time: float, engines: Mapping[str, Engine]
+) -> dict[str, str]:
+    """The recipes of engines that have one, by key, with these numbers and a contact of `time`."""
+    texts = {name: f"{number:.10g}" for name, number in numbers.items()}
+    stiffness, damping = spring(numbers["e"], time)
+    texts["solref"] = f"{-stiffness:.10g} {-damping:.10g}"
+    texts["solimp"] = " ".join(map(str, SOLIMP))
+    return {key: one.recipe_with(texts) for key, one in engines.items() if one.recipe}
+
+
+def settings_json(sets: Sequence[ParameterSet], at: str, engine: str = "") -> str:
+    """Engine settings of each set at an impact in words, as JSON: SI, null where there is no
+    number. `engine` is one engine, all without it.
+
+    Raises:
+        ParameterError: the impact cannot be read (`impact`), a model has no rebound there
+            (`no-answer`), or there is no such engine (`unknown-engine`).
+    """
+    engines = chosen(engine)
+    point = operating_point(sets, at)
+    entries = list[dict[str, object]]()
+    for parameters, of_inertias in _of_sets(sets, point):
+        time = contact_duration(parameters, point)
+        numbers = [numbers_of(parameters, setting, time) for setting in of_inertias]
+        rows = list[dict[str, object]]()
+        for setting, its in zip(of_inertias, numbers, strict=True):
+            units = {
+                "inertia_kg_m2": its["inertia"],
+                "inertia_per_mass_m2": its["gyration"],
+            }
+            # Drop tests have no friction.
+            friction = {} if parameters.model.tangential else {"mu": None}
+            rows.append(setting._asdict() | units | friction)
+        own = of_inertias[-1]
+        limit = limits(parameters, own, time)
+        mujoco = {
+            "solref": [-number for number in spring(own.e, time)],
+            "solimp": SOLIMP,
+            "solreffriction": [-1.0, -numbers[-1]["slip"]],
+            "contact_time": time,
+            "timestep_at_most": limit.contact,
+        }
+        entries.append(
+            {
+                "label": parameters.label,
+                "ball": {name: parameters.values[name] for name in BALL_PARAMETERS},
+                "outside": is_outside(parameters, point),
+                "settings": rows,
+                "spin_at_least": limit.spin_at_least,
+                "speed_threshold": limit.speed_threshold,
+                "step_at_most": {
+                    "contact": limit.contact,
+                    "lever": limit.lever,
+                    "rotation": limit.rotation,
+                },
+                "mujoco": mujoco,
+                "recipes": recipes(numbers[-1], time, engines),
+            }
+        )
+    content = {
+        "kind": "fitball engine settings",
+        "version": 2,
+        "fitball": __version__,
+        "units": "SI, angles in radians",
+        "model": sets[0].model.text,
+        "origin": sets[0].origin,
+        "operating_point": {name: float(column[0]) for name, column in vars(point).items()},
+        "sets": entries,
+        "engines": engines,
+    }
+    # msgspec writes null for numbers that are not finite.
+    return json_bytes(msgspec.json.decode(msgspec.json.encode(content))).decode()
+
+
+def settings_page(sets: Sequence[ParameterSet], at: str, engine: str = "") -> str:
+    """A page in Markdown with the engine settings of each set at an impact in words, engines, and
+    recipes for the first set. `engine` is one engine, all without it.
+
+    Raises:
+        ParameterError: the impact cannot be read (`impact`), a model has no rebound there
+            (`no-answer`), or there is no such engine (`unknown-engine`).
+    """
+    engines = chosen(engine)
+    point = operating_point(sets, at)
+    first = sets[0]
+    columns = [name for name in OUTPUTS if first.model.predicts(COLUMNS[name])]
+    rows = list[dict[str, str]]()
+    reaches = list[dict[str, str]]()
+    notes = list[str]()
+    of_sets = _of_sets(sets, point)
+    for parameters, of_inertias in of_sets:
+        time = contact_duration(parameters, point)
+        for setting in of_inertias:
+            rows.append(setting_row(parameters, setting, columns, time))
+        reaches.append(_limits_row(parameters, of_inertias[-1], time))
+        notes += _notes(parameters, of_inertias, point)
+    speed, angle = point.polar()
+    where = (
+        f"{fixed(speed[0], 1)} m/s at {fixed(DEG.factor * angle[0], 1)} deg, spin "
+        f"{fixed(point.omega_1[0], 0)} rad/s"
+    )
+    about = [
+        first.origin,
+        f"Operating point: {where} (topspin positive); --at names another.",
+        "Errors: engine less model at the operating point. rms: over the impacts of the fit, else "
+        "of a rally. Both are those of an ideal rigid sphere; the last table says how near an "
+        "engine comes to it.",
+    ]
+    summary: list[Block] = [Text(about), Table("Settings", rows), Text(notes, "list")]
+    parameters, of_inertias = of_sets[0]
+    time = contact_duration(parameters, point)
+    codes = recipes(numbers_of(parameters, of_inertias[-1], time), time, engines)
+    sections = [
+        Section("Limits", [Text(_REASONS, "list"), Table("", reaches)]),
+        Section("Engines", [Text(_ADVICE, "list"), *_engine_tables(engines.values())]),
+        *_recipe_sections(engines, codes),
+    ]
+    return to_markdown(Report(f"Engine settings by {first.model.text}", summary, sections))
+
+
+def setting_row(
+    parameters: ParameterSet, setting: EngineSettings, columns: Sequence[str], time: float
+) -> dict[str, str]:
+    """The row of a setting in the table, with errors of `columns` and a contact of `time` [s]."""
+    numbers = numbers_of(parameters, setting, time)
+    row = {
+        "surface, ball": parameters.label,
+        "inertia [M R^2]": fixed(setting.inertia, 3),
+        "[kg m^2]": f"{numbers['inertia']:.4g}",
+        "per mass [m^2]": f"{numbers['gyration']:.4g}",
+        "restitution e": fixed(setting.e, 4),
+    }
+    if parameters.model.tangential:
+        row["friction mu"] = fixed(setting.mu, 4)
+    for kind, errors in (("error", setting.errors), ("rms", setting.rms)):
+        for name in columns:
+            unit = COLUMNS[name].display_unit
+            row[f"{kind} {name} [{unit.name}]"] = fixed(errors[name] * unit.factor, 2)
+    return row
+
+
+def _limits_row(parameters: ParameterSet, setting: EngineSettings, time: float) -> dict[str, str]:
+    """The row of a set in the table of limits."""
+    limit = limits(parameters, setting, time)
+    return {
+        "surface, ball": parameters.label,
+        "spin at least [rad/s]": fixed(limit.spin_at_least, 0),
+        "bounces from [m/s]": fixed(limit.speed_threshold, 2),
+        "step, contact [ms]": f"{1e3 * limit.contact:.2g}",
+        "step, lever [ms]": f"{1e3 * limit.lever:.2g}",
+        "step, rotation [ms]": f"{1e3 * limit.rotation:.2g}",
+    }
+
+
+def _notes(
+    parameters: ParameterSet, of_inertias: Sequence[EngineSettings], point: Impacts
+) -> list[str]:
+    """What a reader must know of the settings of a set at an impact (1,)."""
+    head = f"{parameters.label}: " if parameters.label else ""
+    notes = list[str]()
+    if is_outside(parameters, point):
+        notes.append(f"{head}the operating point lies outside the measured impacts.")
+    if not parameters.model.tangential:
+        notes.append(
+            f"{head}drop tests determine restitution alone: set friction and inertia by other data."
+        )
+    if any(setting.grips for setting in of_inertias):
+        notes.append(
+            f"{head}the engine's ball grips here: friction is that of the model, if enough for it."
+        )
+    unsolved = of_inertias[0].unsolved
+    if unsolved:
+        notes.append(f"{head}{unsolved} impacts of the range have no rebound by the model.")
+    return notes
+
+
+def _engine_tables(engines: Iterable[Engine]) -> list[Table]:
+    """Tables of engines: whether settings do it and how near, and what must be set."""
+    works = list[dict[str, str]]()
+    rules = list[dict[str, str]]()
+    for one in engines:
+        near = [
+            f"{hertz} Hz: {v_x} m/s, {v_y} m/s, {omega} rad/s"
+            for hertz, (v_x, v_y, omega) in one.seen.items()
+        ]
+        works.append(
+            {
+                "engine": one.name,
+                "version": one.version,
+                "how": _WORKS[one.works] + ("" if one.run else " (not run)"),
+                "step": one.step,
+                "rms seen, Wang's balls": "; ".join(near),
+                "at rest": one.rest,
+            }
+        )
+        rules.append(
+            {
+                "engine": one.name,
+                "restitution": one.restitution,
+                "friction": one.friction,
+                "no bounce below": one.threshold,
+                "largest spin": one.spin_limit,
+                "damping": one.damping,
+                "inertia": one.inertia,
+                "contact": one.contact,
+            }
+        )
+    left = {*works[0], *rules[0]}
+    return [Table("How near", works, left), Table("What they do unless told", rules, left)]
+
+
+def _recipe_sections(engines: Mapping[str, Engine], codes: Mapping[str, str]) -> list[Section]:
+    """The recipes, each under the name and version of its engine."""
+    return [
+        Section(f"{engines[key].name}: {engines[key].version}", [Text(code.splitlines(), "code")])
+        for key, code in codes.items()
+    ]
+
+
+_REASONS = (
+    "Spin: the largest before or after an impact, and a fifth more. Engines cut faster spins.",
+    "Bounces from: an engine that lets slower balls stick loses bounces if it is higher. Lower, a "
+    "ball at rest hops, since gravity adds 0.16 m/s in a step of 1/60 s.",
+    "Step, contact: a twentieth of the contact, for MuJoCo, whose contact is a spring.",
+    "Step, lever: the ball sinks in by less than 0.05 R, for engines that take the point of "
+    "contact where shapes overlap (PhysX).",
+    "Step, rotation: a turn of less than pi/4, for engines that limit it (Rapier, Box2D).",
+)
+_ADVICE = (
+    "An engine's ball has one restitution at every speed, and no twist of the cover: the rms of "
+    "the first table is the best that settings can do. The port has none of these errors.",
+    "Take the row with the inertia of the ball, else that of the engine: 0.4 in space, 0.5 in the "
+    "plane.",
+    "MuJoCo: impratio and noslip_iterations act on the whole model. With impratio 1e-4 other "
+    "bodies slide on slopes unless noslip_iterations is set too, and each step costs more.",
+    "PyBullet: contactERP and contactBreakingThreshold act on the whole world; bodies that overlap "
+    "are not pushed apart.",
+    "Unity, Godot 4: documented, not run. Unity's engine PhysX was run.",
+)
