@@ -1,0 +1,188 @@
+"""The fit of a blurred disc that moves before a background."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from fitball.base.values import FloatArray
+from fitball.video import kernels
+from fitball.video.views import View
+
+# Places of the parameters of a disc (`kernels.DISC`).
+PLACE = (0, 1)
+PLACE_AND_RADIUS = (0, 1, 2)
+SHAPE = (0, 1, 2, 3, 4)
+EXPOSURE, BLUR = 5, 6
+SHARED = (0, 1, 2, EXPOSURE, BLUR)
+# Pixels that are used of a large ball.
+_MOST_PIXELS = 2200
+# Noise of the camera is at least so large, and felt and marks are a share of the contrast.
+_LEAST_NOISE = 2e-3
+_TEXTURE = 0.06
+# Bounds of stretch, lean and blur.
+_BOUNDS = ((-0.25, 0.25), (-0.35, 0.35), (0.0, np.inf), (0.35, 3.0))
+_LEAST_RADIUS = 1.5
+# Damping: at first, when a step was good, when it was not.
+_DAMPING = 1e-3
+_EASIER = 0.2
+_HARDER = 8.0
+_TRIALS = 5
+# Shades that hardly differ are kept apart by this share of their weight.
+_RIDGE = 1e-6
+# The fit ends when the sum of squares falls by less than this share.
+_CONVERGED = 2e-4
+
+
+class Fitted(NamedTuple):
+    """A disc: its parameters and their sds, and the share of the difference from the background
+    that it explains, 0 to 1.
+    """
+
+    p: Annotated[FloatArray, "7"]
+    sd: Annotated[FloatArray, "7"]
+    quality: float
+
+
+class Disc:
+    """A view whose pixels are ready to be fitted; `near` (x, y) and `radius` [px] say where.
+
+    Along the readout of the sensor's rows is y, across it x: with rows that are read along x
+    (`turned`) both are exchanged.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        near: FloatArray,
+        radius: float,
+        turned: bool,
+        least_frame: float,
+    ) -> None:
+        self.view = view
+        self.turned = turned
+        self.longest = least_frame
+        rows, columns = view.image.shape
+        x = np.tile(view.left + np.arange(columns), rows)
+        y = np.repeat(view.top + np.arange(rows), columns)
+        far = np.hypot(x - near[0], y - near[1])
+        image, back = view.image.ravel(), view.back.ravel()
+        outside = far > 1.25 * radius + 3.0 + 0.5e-3 * np.hypot(*view.velocity)
+        noise = 5e-3
+        # Brightness of the frame against that of the others.
+        self.gain = 1.0
+        if outside.sum() > 20:
+            self.gain = float(np.median((back[outside] + 0.02) / (image[outside] + 0.02)))
+            image = image * self.gain
+            noise = max(1.48 * float(np.median(np.abs(image - back)[outside])), _LEAST_NOISE)
+        inside = far < 0.7 * radius
+        if inside.any():
+            contrast = float(np.percentile(np.abs(image - back)[inside], 80))
+            noise = float(np.hypot(noise, _TEXTURE * contrast))
+        self.noise = noise
+        # Of the middle, where there is no edge, every other pixel.
+        grid = (np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 0).ravel()
+        keep = np.flatnonzero((far > 0.6 * radius) | grid)
+        keep = keep[:: max(1, len(keep) // _MOST_PIXELS)]
+        self.image = image[keep]
+        self.back = back[keep]
+        self.x, self.y = (y[keep], x[keep]) if turned else (x[keep], y[keep])
+        self.velocity = view.velocity[::-1].copy() if turned else view.velocity
+        self.upper = 0.0
+        # Brightness is any sum of these shades until the ball's own is known.
+        self.shades = np.eye(kernels.SHADES)
+        self.colour = np.zeros(kernels.SHADES)
+        self.look = np.zeros((2, 2))
+
+    def dress(self, light: Annotated[FloatArray, "4"], look: Annotated[FloatArray, "n n"]) -> None:
+        """Take the brightness of the ball as known but for a factor, and its look, marks turned, as
+        known.
+        """
+        self.shades = light[[0, 2, 1, 3], None] if self.turned else light[:, None]
+        self.look = np.ascontiguousarray(look.T if self.turned else look)
+
+    def fit(self, start: FloatArray, free: Sequence[int], steps: int = 8) -> Fitted:
+        """The disc of least squares from a start, with these parameters free."""
+        p = self._turn(start)
+        count = self.shades.shape[1]
+        # Brightness enters linearly: one step finds it.
+        matrix, right, _ = self._normal(p, np.zeros(count))
+        shades = _solved(matrix, right, range(7, 7 + count), 0.0)
+        matrix, right, sums = self._normal(p, shades)
+        chosen = [*free, *range(7, 7 + count)]
+        damping = _DAMPING
+        for _ in range(steps):
+            for _ in range(_TRIALS):
+                step = _solved(matrix, right, chosen, damping)
+                trial = p.copy()
+                trial[list(free)] += step[: len(free)]
+                trial = self._bounded(trial)
+                other = shades + step[len(free) :]
+                normal = self._normal(trial, other)
+                if normal[2][0] < sums[0]:
+                    break
+                damping *= _HARDER
+            if not normal[2][0] < sums[0]:
+                break
+            done = sums[0] - normal[2][0] < _CONVERGED * sums[0]
+            p, shades = trial, other
+            matrix, right, sums = normal
+            damping *= _EASIER
+            if done:
+                break
+        block = matrix[np.ix_(chosen, chosen)]
+        scale = sums[0] / max(sums[2] - len(chosen), 1.0)
+        variance = np.diag(np.linalg.pinv(block))[: len(free)] * scale
+        sd = np.full(7, np.nan)
+        sd[list(free)] = np.sqrt(np.maximum(variance, 0.0))
+        rest, none, weights = sums
+        quality = (none - rest) / max(none - min(0.95 * weights, rest), 0.3 * none)
+        colour = self.shades @ shades
+        self.colour = colour[[0, 2, 1, 3]] if self.turned else colour
+        return Fitted(self._turn(p), self._turn(sd), float(quality))
+
+    def _normal(
+        self, p: FloatArray, shades: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        matrix, right, sums = kernels.disc(
+            self.image,
+            self.back,
+            self.x,
+            self.y,
+            p,
+            self.velocity,
+            self.shades @ shades,
+            self.look,
+            self.noise,
+            self.upper,
+        )
+        reduced = np.zeros((len(matrix), 7 + shades.size))
+        reduced[:7, :7] = np.eye(7)
+        reduced[7:, 7:] = self.shades
+        return reduced.T @ matrix @ reduced, right @ reduced, sums
+
+    def _bounded(self, p: FloatArray) -> FloatArray:
+        p[2] = max(p[2], _LEAST_RADIUS)
+        for place, (low, high) in zip(range(3, 7), _BOUNDS, strict=True):
+            p[place] = min(max(p[place], low), high)
+        p[EXPOSURE] = min(p[EXPOSURE], self.longest)
+        return p
+
+    def _turn(self, p: FloatArray) -> FloatArray:
+        """Parameters with x and y exchanged if the rows are read along x."""
+        return p[[1, 0, 2, 3, 4, 5, 6]] if self.turned else p.copy()
+
+
+def _solved(
+    matrix: FloatArray,
+    right: FloatArray,
+    chosen: Sequence[int] | range,
+    damping: float,
+) -> FloatArray:
+    """The step of these parameters, damped; shades that hardly matter stay."""
+    block = matrix[np.ix_(chosen, chosen)]
+    diagonal = np.diag(block)
+    ridge = (damping + _RIDGE) * diagonal + 1e-30
+    return np.asarray(np.linalg.solve(block + np.diag(ridge), right[list(chosen)]))

@@ -1,0 +1,228 @@
+"""Discs of one ball in all frames: what they share (exposure, blur, radius) and the row time, by
+which a ball that moves is longer and leans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from fitball.base.values import FloatArray, IntArray
+from fitball.video.disc import (
+    BLUR,
+    EXPOSURE,
+    PLACE,
+    PLACE_AND_RADIUS,
+    SHAPE,
+    SHARED,
+    Disc,
+    Fitted,
+)
+from fitball.video.types import Clip, Estimate
+from fitball.video.views import Course, View
+
+# A disc is seen if it explains so much of the difference from the background.
+SEEN = 0.5
+CLEAR = 0.6
+# Fewest frames in which it is.
+LEAST_FRAMES = 6
+# Exposure [share of the time between frames] and blur [px] from which fits start.
+_USUAL_EXPOSURE = 0.3
+_USUAL_BLUR = 0.9
+# Frames by which exposure and blur are found.
+_CLEAR_FRAMES = 16
+# A disc beyond what was seen is this near where its flight goes on, in radii and pixels; after so
+# many that are not the ball is gone.
+_NEAR_RADII = 0.35
+_NEAR_PX = 1.0
+_MOST_LOST = 2
+# Radii are smoothed over so many frames on each side.
+_SMOOTH = 15
+# Light makes a ball look longer or leaning by so much (sd), always alike.
+_LIGHT_SD = 0.03
+# Residuals of shapes beyond so many sds count less.
+_HUBER = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """The ball in its frames: discs `p` (frames, 7) and their sds, `quality`, and `radius_free`
+    where the radius of each frame was free. What it says of the camera: exposure [s], blur [px] and
+    row time [s/px].
+    """
+
+    frames: Annotated[IntArray, "frames"]
+    times: Annotated[FloatArray, "frames"]
+    p: Annotated[FloatArray, "frames 7"]
+    sd: Annotated[FloatArray, "frames 7"]
+    quality: Annotated[FloatArray, "frames"]
+    radius_free: Annotated[FloatArray, "frames"]
+    exposure: float
+    blur: float
+    row_time: Estimate
+    views: Mapping[int, View]
+
+    @property
+    def radius(self) -> float:
+        """The median radius [px]."""
+        return float(np.median(self.radius_free[self.quality > SEEN]))
+
+
+class Fitting:
+    """Fits of all frames of a ball that was seen on its course with about this radius [px], one
+    step after the other.
+    """
+
+    def __init__(
+        self,
+        clip: Clip,
+        course: Course,
+        views: Mapping[int, View],
+        radius: float,
+    ) -> None:
+        self.course = course
+        self.radius = radius
+        self.turned = clip.readout[0] != 0
+        self.direction = float(sum(clip.readout))
+        self.longest = 1.0 / clip.camera_rate
+        self.shared = np.array([_USUAL_EXPOSURE * self.longest, _USUAL_BLUR])
+        self.views = views
+        places = dict(zip(course.frames.tolist(), course.places, strict=True))
+        self.places = {k: places[k] for k in views}
+        self.discs: dict[int, Disc] = {}
+        self.fits: dict[int, Fitted] = {}
+
+    def begin(self) -> None:
+        """First discs: of frames with spots, then outwards as long as they follow the flight."""
+        seen = sorted(k for k in self.views if k in self.course.seen)
+        for k in seen:
+            self._first(k, np.zeros(2), PLACE_AND_RADIUS)
+        clear = self.clear()
+        if not clear:
+            return
+        self.radius = float(np.median([self.fits[k].p[2] for k in clear]))
+        before = [k for k in sorted(self.views, reverse=True) if k < seen[0]]
+        after = [k for k in sorted(self.views) if k > seen[-1]]
+        for side, inner in ((before, clear[0]), (after, clear[-1])):
+            off = self.fits[inner].p[:2] - self.places[inner]
+            lost = 0
+            for k in side:
+                fit = self._first(k, off, PLACE_AND_RADIUS)
+                moved = fit.p[:2] - self.places[k]
+                limit = _NEAR_RADII * self.radius + _NEAR_PX
+                near = np.hypot(*(moved - off)) < limit
+                if fit.quality > SEEN and near and abs(np.log(fit.p[2] / self.radius)) < 0.2:
+                    off = moved
+                    lost = 0
+                    continue
+                del self.fits[k]
+                lost += 1
+                if lost > _MOST_LOST:
+                    break
+
+    def _first(self, k: int, off: FloatArray, free: Sequence[int]) -> Fitted:
+        near = self.places[k] + off
+        view = self.views[k]
+        self.discs[k] = Disc(view, near, self.radius, self.turned, self.longest)
+        start = np.array([*near, self.radius, 0.0, 0.0, *self.shared])
+        self.fits[k] = self.discs[k].fit(start, free)
+        return self.fits[k]
+
+    def clear(self, quality: float = SEEN) -> list[int]:
+        """The frames whose disc is seen."""
+        return [k for k in sorted(self.fits) if self.fits[k].quality > quality]
+
+    def share(self) -> None:
+        """Exposure and blur by the frames that show them best: those of fast balls."""
+        clear = self.clear()
+        speed = {k: float(np.hypot(*self.views[k].velocity)) for k in clear}
+        best = sorted(clear, key=lambda k: -speed[k] * self.fits[k].quality)[:_CLEAR_FRAMES]
+        loose = []
+        for k in best:
+            start = self.fits[k].p.copy()
+            start[EXPOSURE:] = self.shared
+            loose.append(self.discs[k].fit(start, SHARED, 12).p[EXPOSURE:])
+        self.shared = np.median(loose, axis=0)
+
+    def free_radii(self) -> None:
+        """Radii anew with what is shared, and the radius of the ball."""
+        for k, fit in self.fits.items():
+            start = fit.p.copy()
+            start[EXPOSURE:] = self.shared
+            self.fits[k] = self.discs[k].fit(start, PLACE_AND_RADIUS)
+        clear = self.clear()
+        if clear:
+            self.radius = float(np.median([self.fits[k].p[2] for k in clear]))
+
+    def row_time(self) -> tuple[Estimate, Annotated[FloatArray, "2"]]:
+        """Row time [s/px], and the stretch and lean that light makes. Rows that are read later
+        stretch what moves along them and make lean what moves across: what changes with velocity is
+        the shutter's, what does not is the light's.
+        """
+        rows = []
+        for k in self.clear():
+            fit = self.discs[k].fit(self.fits[k].p, SHAPE)
+            along, across = self._velocity(k)
+            rows.append((along, 1.0, 0.0, fit.p[3], fit.sd[3]))
+            rows.append((across, 0.0, 1.0, fit.p[4], fit.sd[4]))
+        table = np.array(rows)
+        sd = np.maximum(table[:, 4], np.median(table[:, 4]))
+        design = np.vstack([table[:, :3], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
+        right = np.append(table[:, 3], [0.0, 0.0])
+        weight = np.append(1.0 / sd, [1.0 / _LIGHT_SD] * 2)
+        for _ in range(8):
+            found = np.linalg.lstsq(design * weight[:, None], right * weight, rcond=None)[0]
+            off = (right - design @ found)[:-2] / sd
+            scale = max(1.48 * float(np.median(np.abs(off))), 1e-9)
+            weight[:-2] = 1.0 / (sd * scale) / np.sqrt(1.0 + (off / (_HUBER * scale)) ** 2)
+        weighted = design * weight[:, None]
+        covariance = np.linalg.inv(weighted.T @ weighted)
+        return Estimate(float(found[0]), float(np.sqrt(covariance[0, 0]))), found[1:]
+
+    def _velocity(self, k: int) -> tuple[float, float]:
+        """Velocity along the readout of rows and across it [px/s]."""
+        x, y = self.views[k].velocity
+        along, across = (x, y) if self.turned else (y, x)
+        return self.direction * float(along), self.direction * float(across)
+
+    def measured(self) -> Discs | None:
+        """The discs of all frames, with what they share; None where too few show one."""
+        if len(self.clear()) < LEAST_FRAMES:
+            return None
+        self.share()
+        self.free_radii()
+        if len(self.clear()) < LEAST_FRAMES:
+            return None
+        return self.placed(*self.row_time())
+
+    def placed(self, row_time: Estimate, constant: FloatArray) -> Discs:
+        """Places of all frames, with radii smoothed and shapes as the row time makes them."""
+        frames = np.array(sorted(self.fits))
+        free = np.array([self.fits[k].p[2] for k in frames])
+        clear = np.array([self.fits[k].quality > SEEN for k in frames])
+        last = []
+        for k in frames.tolist():
+            near = clear & (np.abs(frames - k) <= _SMOOTH)
+            start = self.fits[k].p.copy()
+            start[2] = np.median(free[near]) if near.any() else self.radius
+            velocity = np.array(self._velocity(k))
+            start[3:5] = constant + row_time.value * velocity
+            start[EXPOSURE:] = self.shared
+            last.append(self.discs[k].fit(start, PLACE))
+        sd = np.array([fit.sd for fit in last])
+        sd[:, 2] = [self.fits[k].sd[2] for k in frames.tolist()]
+        return Discs(
+            frames,
+            np.array([self.views[k].time for k in frames.tolist()]),
+            np.array([fit.p for fit in last]),
+            sd,
+            np.array([fit.quality for fit in last]),
+            free,
+            float(self.shared[0]),
+            float(self.shared[BLUR - EXPOSURE]),
+            row_time,
+            self.views,
+        )

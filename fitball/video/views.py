@@ -1,0 +1,243 @@
+"""What is cut out of a film about a ball: its part of each frame, in linear light, and the same
+part of the nearest frames in which it is elsewhere. Frames are read once more and not kept.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from fitball.base.progress import Progress
+from fitball.base.values import FloatArray, IntArray
+from fitball.video.flights import Flight, gravity_px
+from fitball.video.spots import Spots
+from fitball.video.types import Clip, Crop, Frame, Plane
+
+# Exponent by which a camera's levels become light.
+GAMMA = 2.2
+# Frames beside those in which spots were found, in which the ball is looked for: of a flight of so
+# many frames, and of a shorter one.
+_OUTER = 40
+_LONG = 8
+_OUTER_SHORT = 6
+# A part reaches so many radii and pixels from the centre, and further where the place is a guess.
+_REACH_RADII = 1.35
+_REACH_PX = 5.0
+_GUESS_RADII = 0.5
+# The background is the median of so many frames, and of so many at least.
+_BACKGROUNDS = 9
+_LEAST_BACKGROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Where a ball is: of each frame (index into the film's) its place [px] and velocity [px/s],
+    steadied; `seen` are the frames in which spots were found.
+    """
+
+    frames: Annotated[IntArray, "frames"]
+    places: Annotated[FloatArray, "frames 2"]
+    velocities: Annotated[FloatArray, "frames 2"]
+    seen: frozenset[int]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The part of a frame about the ball: light of the `image` and of the `back`ground [share of
+    white] at steadied coordinates. `crop` is what is drawn, `colours` are the means of both colour
+    differences about the middle of the ball, less those of the background.
+    """
+
+    index: int
+    time: float
+    left: float
+    top: float
+    image: Annotated[FloatArray, "rows columns"]
+    back: Annotated[FloatArray, "rows columns"]
+    velocity: Annotated[FloatArray, "2"]
+    shift: Annotated[FloatArray, "2"]
+    crop: Crop
+    colours: Annotated[FloatArray, "3 rows columns"]
+
+
+def course_of(flights: Sequence[Flight], times: FloatArray, diameter: float) -> Course:
+    """The course of a ball through all frames of its flights, and some before and after."""
+    frames, places, velocities = [], [], []
+    last = len(times) - 1
+    for number, flight in enumerate(flights):
+        outer = _OUTER if len(flight.frames) >= _LONG else _OUTER_SHORT
+        start, stop = (
+            max(int(flight.frames[0]) - outer, 0),
+            min(int(flight.frames[-1]) + outer, last),
+        )
+        if number:
+            start = int(flights[number - 1].frames[-1] + flight.frames[0]) // 2 + 1
+        if number + 1 < len(flights):
+            stop = int(flight.frames[-1] + flights[number + 1].frames[0]) // 2
+        within = np.arange(start, stop + 1)
+        place, velocity = _along(flight, times[within], gravity_px(flight.radius, diameter))
+        frames.append(within)
+        places.append(place)
+        velocities.append(velocity)
+    seen = {k for q in flights for k in range(int(q.frames[0]), int(q.frames[-1]) + 1)}
+    return Course(
+        np.concatenate(frames),
+        np.concatenate(places),
+        np.concatenate(velocities),
+        frozenset(seen),
+    )
+
+
+def _along(
+    flight: Flight,
+    times: FloatArray,
+    gravity: float,
+) -> tuple[Annotated[FloatArray, "times 2"], Annotated[FloatArray, "times 2"]]:
+    """Places and velocities of a flight; beyond what was seen it falls as on earth."""
+    x, y = flight.curve
+    t = times - flight.times[0]
+    inner = np.clip(t, 0.0, flight.span)
+    beyond = t - inner
+    slope = np.polyder(y)
+    places = np.stack([np.polyval(x, t), np.polyval(y, inner)], 1)
+    places[:, 1] += np.polyval(slope, inner) * beyond + 0.5 * gravity * beyond**2
+    velocities = np.stack([np.full_like(t, x[0]), np.polyval(slope, inner) + gravity * beyond], 1)
+    return places, velocities
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The part of a frame that is cut out, and the frames of its background."""
+
+    index: int
+    left: int
+    top: int
+    columns: int
+    rows: int
+    backgrounds: tuple[int, ...]
+
+
+def views_of(
+    clip: Clip,
+    spots: Spots,
+    course: Course,
+    radius: float,
+    progress: Progress,
+) -> dict[int, View]:
+    """The views of a ball of this radius [px] by index of frame, where it is within the picture."""
+    parts = {part.index: part for part in _parts(clip, spots, course, radius)}
+    wanted: dict[int, list[int]] = defaultdict(list)
+    for part in parts.values():
+        for k in (part.index, *part.backgrounds):
+            wanted[k].append(part.index)
+    cut: dict[int, dict[int, FloatArray]] = defaultdict(dict)
+    views = {}
+    velocities = dict(zip(course.frames.tolist(), course.velocities, strict=True))
+    last = max(wanted, default=-1)
+    for k, frame in enumerate(clip.frames()):
+        if k > last:
+            break
+        progress("measuring the ball", k / (last + 1))
+        for index in wanted.get(k, ()):
+            part = parts[index]
+            cut[index][k] = _planes(frame, part, spots.shifts[k] - spots.shifts[index])
+            if len(cut[index]) == len(part.backgrounds) + 1:
+                planes = cut.pop(index)
+                views[index] = _view(clip, spots, part, planes, velocities[index])
+    return views
+
+
+def _parts(clip: Clip, spots: Spots, course: Course, radius: float) -> list[_Part]:
+    count = len(spots.times)
+    path = np.full((count, 2), -1e6)
+    path[course.frames] = course.places
+    parts = []
+    numbers = np.arange(count)
+    for k, place, velocity in zip(
+        course.frames.tolist(), course.places, course.velocities, strict=True
+    ):
+        raw = place + spots.shifts[k]
+        margin = 0.6 * radius
+        if not (margin < raw[0] < clip.width - margin and margin < raw[1] < clip.height - margin):
+            continue
+        smear = min(float(np.hypot(*velocity)) / clip.camera_rate, 1.5 * radius)
+        reach = _REACH_RADII * radius + _REACH_PX + 0.5 * smear
+        away = np.hypot(*(path - place).T) > 1.2 * reach + radius
+        order = numbers[away][np.argsort(np.abs(numbers[away] - k), kind="stable")]
+        if len(order) < _LEAST_BACKGROUNDS:
+            continue
+        reach += 0.0 if k in course.seen else _GUESS_RADII * radius
+        left, top = (max(int(at - reach), 0) for at in raw)
+        right = min(int(raw[0] + reach) + 2, clip.width)
+        bottom = min(int(raw[1] + reach) + 2, clip.height)
+        nearest = tuple(order[:_BACKGROUNDS].tolist())
+        parts.append(_Part(k, left, top, right - left, bottom - top, nearest))
+    return parts
+
+
+def _planes(
+    frame: Frame,
+    part: _Part,
+    shift: Annotated[FloatArray, "2"],
+) -> Annotated[FloatArray, "3 rows columns"]:
+    """Luma and both colour differences of a part, moved by a shift [px] of the camera."""
+    columns = part.left + np.arange(part.columns)
+    rows = part.top + np.arange(part.rows)
+    height, width = frame.luma.shape
+    if np.abs(shift).max() > 0.0:
+        luma = _between(frame.luma, rows + shift[1], columns + shift[0])
+    else:
+        box = slice(part.top, part.top + part.rows), slice(part.left, part.left + part.columns)
+        luma = frame.luma[box].astype(np.float32)
+    i = np.clip((rows * frame.chroma.shape[0]) // height, 0, frame.chroma.shape[0] - 1)
+    j = np.clip((columns * frame.chroma.shape[1]) // width, 0, frame.chroma.shape[1] - 1)
+    colours = frame.chroma[i[:, None], j].astype(np.float32)
+    return np.stack([luma, colours[..., 0], colours[..., 1]])
+
+
+def _between(plane: Plane, rows: FloatArray, columns: FloatArray) -> FloatArray:
+    """Values between pixels, linear; edges repeated."""
+    height, width = plane.shape
+    row, column = np.floor(rows).astype(int), np.floor(columns).astype(int)
+    lower, right = (rows - row)[:, None], (columns - column)[None, :]
+    i = [np.clip(row + step, 0, height - 1) for step in (0, 1)]
+    j = [np.clip(column + step, 0, width - 1) for step in (0, 1)]
+    upper = plane[np.ix_(i[0], j[0])] * (1.0 - right) + plane[np.ix_(i[0], j[1])] * right
+    below = plane[np.ix_(i[1], j[0])] * (1.0 - right) + plane[np.ix_(i[1], j[1])] * right
+    return np.asarray(upper * (1.0 - lower) + below * lower, np.float32)
+
+
+def _view(
+    clip: Clip,
+    spots: Spots,
+    part: _Part,
+    planes: Mapping[int, FloatArray],
+    velocity: FloatArray,
+) -> View:
+    own = planes[part.index]
+    backs = np.stack([planes[k] for k in part.backgrounds])
+    background = np.median(backs, axis=0)
+    shift = spots.shifts[part.index]
+    crop = Crop(int(spots.numbers[part.index]), part.left, part.top, own[0].astype(np.uint8))
+    return View(
+        part.index,
+        float(spots.times[part.index]),
+        part.left - float(shift[0]),
+        part.top - float(shift[1]),
+        _light(own[0], clip),
+        _light(background[0], clip),
+        velocity,
+        shift,
+        crop,
+        own,
+    )
+
+
+def _light(luma: FloatArray, clip: Clip) -> FloatArray:
+    """Luma as light, as a share of white."""
+    share = (luma.astype(float) - clip.black) / (clip.white - clip.black)
+    return np.asarray(np.clip(share, 0.0, 1.0) ** GAMMA)
