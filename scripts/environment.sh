@@ -1,6 +1,7 @@
-# Sourced by run, scripts/test and scripts/tool: makes .venv once with the pinned versions, and for the first two installs
-# the built package in it anew whenever its sources change. Needs nothing but a Python of version 3.11 or newer. Sets
-# `root` and `venv`. What is not imported is not compiled, a quarter of the way to a first report.
+# Sourced by run, scripts/test and scripts/tool: makes .venv once with the pinned versions of requirements.lock, all that
+# fitball imports and what builds it; the last two add requirements-dev.lock. For the first two the built package is
+# installed in it anew whenever its sources change. Needs nothing but a Python of version 3.11 or newer; uv is used where
+# it is on PATH. Sets `root` and `venv`. What is not imported is not compiled, a quarter of the way to a first report.
 
 root=$(CDPATH= cd -- "$(dirname -- "${environment:-$0}")/.." && pwd)
 venv="$root/.venv"
@@ -27,6 +28,10 @@ packages() {
     cksum <"$root/requirements.lock"
 }
 
+tools() {
+    cksum <"$root/requirements-dev.lock"
+}
+
 sources() {
     (cd "$root" && find fitball datasets pyproject.toml README.md -type f ! -name '*.pyc' -exec cksum {} + | sort | cksum)
 }
@@ -39,30 +44,64 @@ has_packages() {
     made_from packages "$(packages)"
 }
 
+has_tools() {
+    made_from tools "$(tools)"
+}
+
 # An editable install has no folder of the package here, and is no built one.
 has_package() {
     ls "$venv"/lib/python*/site-packages/fitball/__init__.py >/dev/null 2>&1 && made_from sources "$(sources)"
 }
 
+# From version 22.3 on pip installs for another Python.
+has_pip_for_others() {
+    "$1" -c 'import pip, sys; sys.exit(int(pip.__version__.split(".")[0]) < 23)' 2>/dev/null
+}
+
+# Installs in the environment, by uv or by the pip of the Python that was found. Where neither can, the environment gets
+# a pip of its own, which takes some seconds.
+fetch() {
+    if command -v uv >/dev/null 2>&1 &&
+        uv pip install --quiet --python "$venv/bin/python" --no-deps "$@" 2>"$venv/uv.log"; then
+        return
+    fi
+    if [ -x "$venv/bin/pip" ]; then
+        set -- "$venv/bin/python" -m pip install "$@"
+    elif python=$(find_python) && has_pip_for_others "$python"; then
+        set -- "$python" -m pip --python "$venv/bin/python" install "$@"
+    else
+        "$venv/bin/python" -m ensurepip >"$venv/pip.log" 2>&1 || { cat "$venv/pip.log" >&2; return 1; }
+        set -- "$venv/bin/python" -m pip install "$@"
+    fi
+    "$@" --quiet --no-input --disable-pip-version-check --no-compile --no-deps 2>"$venv/pip.log" ||
+        { cat "$venv/pip.log" >&2; return 1; }
+}
+
+fetch_pinned() {
+    fetch --requirement "$root/$1" || fail "fitball: the pinned packages could not be installed; the lines above say why."
+}
+
 make_environment() {
     python=$(find_python) || exit 2
     printf 'fitball: making %s (once; about a minute) ...\n' "$venv" >&2
-    "$python" -m venv --clear "$venv" ||
+    "$python" -m venv --without-pip --clear "$venv" ||
         fail "fitball: '$python -m venv' failed; on Debian and Ubuntu install the package python3-venv."
-    "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps --no-compile \
-        --requirement "$root/requirements.lock" 2>"$venv/pip.log" ||
-        { cat "$venv/pip.log" >&2; fail "fitball: the pinned packages could not be installed; the lines above say why."; }
+    fetch_pinned requirements.lock
     packages >"$venv/packages.stamp"
+}
+
+add_tools() {
+    # What is pinned no more would stay.
+    if [ -f "$venv/tools.stamp" ]; then make_environment; fi
+    printf 'fitball: adding what tests need (once) ...\n' >&2
+    fetch_pinned requirements-dev.lock
+    tools >"$venv/tools.stamp"
 }
 
 install_package() {
     rm -f "$venv/sources.stamp"
-    wheel=$(mktemp -d)
-    "$venv/bin/python" -m pip wheel --quiet --no-input --disable-pip-version-check --no-deps --no-build-isolation \
-        --no-index --wheel-dir "$wheel" "$root" &&
-        "$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --no-deps --no-index \
-            --force-reinstall "$wheel"/*.whl || fail "fitball: the package could not be built; the lines above say why."
-    rm -rf "$wheel"
+    fetch --no-index --no-build-isolation --force-reinstall "$root" ||
+        fail "fitball: the package could not be built; the lines above say why."
     sources >"$venv/sources.stamp"
 }
 
@@ -74,17 +113,20 @@ lock() {
     fi
 }
 
-ensure_packages() {
-    has_packages && return
-    lock
-    has_packages || make_environment
-    exec 9>&-
-}
-
-ensure_environment() {
+# What `run` needs.
+ensure_package() {
     has_packages && has_package && return
     lock
     has_packages || make_environment
     has_package || install_package
+    exec 9>&-
+}
+
+# What developers need: the tools too.
+ensure_tools() {
+    has_packages && has_tools && return
+    lock
+    has_packages || make_environment
+    has_tools || add_tools
     exec 9>&-
 }
