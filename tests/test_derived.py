@@ -1,5 +1,8 @@
 """Derived quantities against formulas of the field, the second edition's numbers, and scipy."""
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 from made_tables import bundled, impact_table
@@ -8,6 +11,7 @@ from scipy import stats
 from support.density import INCIDENT, REBOUND, problem_of, scene_of, table_of, truth_of
 
 from fitball.base import air
+from fitball.base.errors import ParameterError
 from fitball.base.values import Ball
 from fitball.data.scene import BallSection, Scene
 from fitball.inference.derived import anchored, level_differences, quantity_of
@@ -193,7 +197,13 @@ def test_each_level_has_its_quantity_and_is_judged_by_itself():
         "cor_median[hard]",
         "court_pace[clay]",
         "court_pace[hard]",
+        "mu[clay]-mu[hard]",
+        "mu[clay]/mu[hard]",
+        "cor_10[clay]-cor_10[hard]",
+        "cor_10[clay]/cor_10[hard]",
     }
+    assert derived["cor_10[clay]-cor_10[hard]"].extrapolated
+    assert not derived["mu[clay]-mu[hard]"].extrapolated
     of_levels = {
         "mu[clay]": 0.3,
         "mu[hard]": 0.25,
@@ -241,3 +251,63 @@ def test_the_surfaces_farthest_apart_and_the_chance_of_it():
     assert only_point["difference"] == pytest.approx(0.1)
     assert np.isnan(only_point["p"])
     assert np.isnan(only_point["sd"])
+
+
+def _two_surfaces(**choices):
+    """A problem of two surfaces with friction of their own, and draws of its parameters."""
+    v_y = np.linspace(6.0, 14.0, 18)
+    labels = {"surface": tuple("ab" * 9)}
+    problem = grip_slip(3.0 * v_y, v_y, labels=labels)
+    problem = replace(problem, choices=msgspec.structs.replace(problem.choices, **choices))
+    rng = np.random.default_rng(5)
+    truth = truth_of(problem) | {"mu[a]": 0.6, "mu[b]": 0.5}
+    draws = {name: value + 0.01 * rng.standard_normal(500) for name, value in truth.items()}
+    return problem, draws
+
+
+def test_two_levels_have_a_difference_and_a_ratio():
+    problem, draws = _two_surfaces()
+    derived = derived_in(problem)
+    difference = derived["mu[a]-mu[b]"]
+    assert difference.rule(draws) == pytest.approx(draws["mu[a]"] - draws["mu[b]"])
+    ratio = derived["mu[a]/mu[b]"]
+    assert ratio.rule(draws) == pytest.approx(draws["mu[a]"] / draws["mu[b]"])
+    assert "cor_slope[a]-cor_slope[b]" not in derived
+    three = grip_slip(
+        np.linspace(18.0, 42.0, 18),
+        np.linspace(6.0, 14.0, 18),
+        labels={"surface": tuple("abc" * 6)},
+    )
+    assert not any("]-" in name for name in derived_in(three))
+
+
+def test_a_formula_may_use_what_follows_from_parameters():
+    formulas = {"loss": "1 - court_pace[a]/100", "lever": "offset/2"}
+    problem, draws = _two_surfaces(derive=formulas)
+    derived = derived_in(problem)
+    pace = derived["court_pace[a]"]
+    assert derived["loss"].rule(draws) == pytest.approx(1.0 - pace.rule(draws) / 100.0)
+    assert derived["loss"].extrapolated == pace.extrapolated
+    assert derived["lever"].spec.unit == "m"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "code"),
+    [
+        ("own", "k_y*mu[a]", "unknown-parameter"),
+        ("mu[a]", "mu[b]", "derive"),
+        ("court_pace[a]", "mu[b]", "derive"),
+        ("", "mu[b]", "derive"),
+        ("own", "offset + mu[b]", "derive"),
+    ],
+)
+def test_formulas_that_derive_nothing_are_refused(name, text, code):
+    problem, _ = _two_surfaces(derive={name: text})
+    with pytest.raises(ParameterError) as caught:
+        problem.refuse_unknown_names()
+    assert caught.value.code == code
+
+
+def test_a_variant_leaves_out_formulas_of_other_parameters():
+    problem, _ = _two_surfaces(derive={"own": "k_y*mu[a]", "other": "2*mu[a]"})
+    assert {"own", "other"} & {*derived_in(problem)} == {"other"}

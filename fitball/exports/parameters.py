@@ -13,7 +13,7 @@ from msgspec import json
 from msgspec.structs import asdict
 
 from fitball.base.files import json_bytes
-from fitball.base.text import one_line
+from fitball.base.text import at_level, one_line
 from fitball.exports.parameter_set import UNSURE, ParameterSet
 from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
@@ -214,10 +214,10 @@ def as_latex(fit: Fitted) -> str:
         r"    \midrule",
     ]
     for row in rows:
-        base, bracket, level = row.name.partition("[")
+        base, level = at_level(row.name)
         symbol = row.symbol or _latex(base)
-        if bracket:
-            symbol += f", {_latex(level[:-1])}"
+        if level:
+            symbol += f", {_latex(level)}"
         mark = rf"^{{\mathrm{{{row.mark}}}}}" if row.mark else ""
         sd = rf" \pm {row.sd}" if row.sd else ""
         value = f"${_power(row.value)}{sd}{mark}$"

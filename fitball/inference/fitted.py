@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated
+from typing import Annotated, Self
 
 import msgspec
 import numpy as np
@@ -14,22 +14,35 @@ import numpy as np
 from fitball.base.environment import packages
 from fitball.base.errors import ModelError, Note, ParameterError, suggestion
 from fitball.base.selection import evenly_begun
+from fitball.base.text import listed
 from fitball.base.values import DataFrame, FloatArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
 from fitball.inference import frames, schema
 from fitball.inference.curves import curves_frame
-from fitball.inference.derived import Quantity, quantity_of
+from fitball.inference.derived import Quantity, level_differences, quantity_of
 from fitball.inference.effort import PREDICTION_DRAWS, Effort
+from fitball.inference.expressions import expression
 from fitball.inference.forward import Draws
 from fitball.inference.judgement.rivals import Rival, rivals
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.summary import end_errors
+from fitball.inference.summary import end_errors, summarise
 from fitball.models.model import Model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 from fitball.version import __version__
+
+# Verdicts, each weaker than those before it.
+_WEAKER: tuple[schema.Verdict, ...] = (
+    "fixed",
+    "identified",
+    "given",
+    "conditional",
+    "one-sided",
+    "extrapolated",
+    "prior-dominated",
+)
 
 
 @dataclass(frozen=True)
@@ -281,6 +294,71 @@ class Fitted:
                 "unknown-quantity",
             )
         return self._quantities[name]
+
+    @property
+    def differences(self) -> DataFrame:
+        """Of each parameter with levels the two that are farthest apart: a frame, index
+        `parameter`. Difference and ratio of two levels are quantities of the fit as well.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> fit.differences.empty
+            True
+        """
+        return level_differences(self.problem.forward, self.draws)
+
+    def derive(self, **formulas: str) -> Self:
+        """The same fit with quantities of one's own, each a formula of names of others, as option
+        `derive` of `calibrate` has them. Each has the weakest verdict of those that it is made of;
+        `calibrate` judges it by itself.
+
+        Raises:
+            ParameterError: a formula is none, or its name has been given (`derive`), or it has an
+                unknown name (`unknown-parameter`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> more = fit.derive(lost="1 - cor_254cm**2")
+            >>> round(more.derived["lost"].point, 2)
+            0.5
+        """
+        choices = self.run.choices
+        choices = msgspec.structs.replace(choices, derive=choices.derive | formulas)
+        problem = replace(self.problem, choices=choices)
+        problem.refuse_unknown_names()
+        derived = dict(self.derived)
+        for quantity in problem.derived:
+            name = quantity.spec.name
+            if name in formulas:
+                derived[name] = self._derived_estimate(quantity, problem)
+        return replace(self, run=run_of(problem, self.run.effort), derived=derived)
+
+    def _derived_estimate(self, quantity: Quantity, problem: Problem) -> schema.Estimate:
+        """The estimate of a quantity that is derived from others, with their weakest verdict."""
+        spec = quantity.spec
+        known = [estimate.name for estimate in self.reported if estimate.name != spec.name]
+        used = expression(spec.name, problem.choices.derive[spec.name], known).used
+        parents = [estimate for estimate in self.reported if estimate.name in used]
+        verdict = max((parent.verdict for parent in parents), key=_WEAKER.index)
+        given = dict.fromkeys(choice for parent in parents for choice in parent.given)
+        point = float(quantity.rule(self.draws.best)[0])
+        summary = summarise(quantity.rule(self.draws.values), point)
+        return schema.Estimate(
+            **msgspec.structs.asdict(summary),
+            name=spec.name,
+            kind="derived",
+            unit=spec.unit,
+            meaning=spec.meaning,
+            prior="",
+            prior_source="",
+            contraction=np.nan,
+            verdict=verdict,
+            rule="derived",
+            reason=f"It has the weakest verdict of {listed(used)}, from which it is computed.",
+            given=tuple(given),
+        )
 
     @cached_property
     def rivals(self) -> tuple[Rival, ...]:

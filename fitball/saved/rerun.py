@@ -94,9 +94,12 @@ def _varied(stored: Fitted, changed: Choices, user_model: Model | None) -> Probl
         prior | changed.prior,
         choices.pool | changed.pool,
         changed.noise or choices.noise,
+        choices.derive | changed.derive,
     )
     prior_texts = {name: text for name, text in run.known.items() if name not in new_names}
-    return build_problem(run.table, run.scene, choices, user_model, prior_texts)
+    problem = build_problem(run.table, run.scene, choices, user_model, prior_texts)
+    problem.refuse_unknown_names()
+    return problem
 
 
 def _moved(fit: Fitted, stored: Fitted) -> Note:

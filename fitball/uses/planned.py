@@ -12,6 +12,7 @@ from fitball.base.air import landing_speed
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import ParameterError, suggestion
 from fitball.base.priors import ParameterSpec, parse_prior
+from fitball.base.text import at_level
 from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.heights import usual_braking
 from fitball.data.in_words import Span, impact_grid, spans
@@ -327,7 +328,7 @@ def _names_and_impacts(
             # Commas separate targets and parts of an impact.
             impacts[-1] += f", {text}"
         else:
-            at_levels = [name for name in quantities if name.partition("[")[0] == text]
+            at_levels = [name for name in quantities if at_level(name)[0] == text]
             at_levels = [name for name in at_levels if name not in elsewhere]
             if text in quantities or not at_levels:
                 names.append(text)

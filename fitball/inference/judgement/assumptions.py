@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, NamedTuple
 
+import msgspec
 import numpy as np
 
 from fitball.base.errors import FitballError, FitError
@@ -171,14 +172,14 @@ def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model
             if option != model.options[name]
         )
         fitting = choices.for_model(text, [spec.name for spec in variant.parameters])
-        changed = Choices(text, fitting.fix, fitting.prior, fitting.pool, noise.name)
+        changed = msgspec.structs.replace(fitting, noise=noise.name)
         yield f"{name}={option}", f"{name}={model.options[name]}", changed, variant
     gone = {spec.name for spec in noise.parameters}
     fix = {name: value for name, value in choices.fix.items() if name not in gone}
     prior = {name: text for name, text in choices.prior.items() if name not in gone}
     for kind in NOISE_KINDS:
         if kind != noise.name:
-            changed = Choices(choices.model, fix, prior, choices.pool, kind)
+            changed = msgspec.structs.replace(choices, fix=fix, prior=prior, noise=kind)
             yield f"noise={kind}", f"noise={noise.name}", changed, model
 
 

@@ -77,6 +77,7 @@ class ChoiceOptions(TypedDict, total=False):
     prior: Mapping[str, str] | None
     pool: Mapping[str, str] | None
     noise: str
+    derive: Mapping[str, str] | None
 
 
 # By parameter the text of its prior, or the value at which it is fixed and why.
@@ -93,6 +94,7 @@ def problem_from_sources(
     prior: Mapping[str, str] | None = None,
     pool: Mapping[str, str] | None = None,
     noise: str = "",
+    derive: Mapping[str, str] | None = None,
     **reading: Unpack[Reading],
 ) -> tuple[Problem, Model | None]:
     """The problem of a fit to one or several sources, and its model if the user wrote that.
@@ -107,8 +109,10 @@ def problem_from_sources(
             `singular-errors`).
     """
     table, scene_read = load_data(sources, scene or None, as_read, **reading)
-    choices, user_model = choices_of(model, fix, prior, pool, noise)
-    return build_problem(table, scene_read, choices, user_model), user_model
+    choices, user_model = choices_of(model, fix, prior, pool, noise, derive)
+    problem = build_problem(table, scene_read, choices, user_model)
+    problem.refuse_unknown_names()
+    return problem, user_model
 
 
 def choices_of(
@@ -117,6 +121,7 @@ def choices_of(
     prior: Mapping[str, str] | None = None,
     pool: Mapping[str, str] | None = None,
     noise: str = "",
+    derive: Mapping[str, str] | None = None,
 ) -> tuple[Choices, Model | None]:
     """The choices that options of `calibrate` make, and the model if the user wrote that.
 
@@ -141,6 +146,7 @@ def choices_of(
         prior=read_texts("prior", prior),
         pool=read_texts("pool", pool),
         noise=noise,
+        derive=read_texts("derive", derive),
     )
     return choices, user_model
 

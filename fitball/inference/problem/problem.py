@@ -15,7 +15,7 @@ from fitball.base.priors import parse_prior
 from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.derived import Quantity, quantities
+from fitball.inference.derived import Quantity, compared_levels, quantities, written
 from fitball.inference.forward import CalibratedRange, ForwardModel, Values
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
@@ -49,6 +49,7 @@ class Choices(msgspec.Struct, frozen=True):
     prior: dict[str, str] = {}
     pool: dict[str, str] = {}
     noise: str = ""
+    derive: dict[str, str] = {}
 
     def for_model(self, model: str, parameters: Collection[str]) -> Choices:
         """These choices for another model, which has such `parameters`: those that concern a
@@ -63,7 +64,7 @@ class Choices(msgspec.Struct, frozen=True):
         fix = {name: value for name, value in self.fix.items() if base_of(name) in names}
         prior = applicable(self.prior)
         pool = applicable(self.pool)
-        return Choices(model, fix, prior, pool, self.noise)
+        return Choices(model, fix, prior, pool, self.noise, self.derive)
 
 
 def base_of(name: str) -> str:
@@ -148,8 +149,27 @@ class Problem:
 
     @property
     def derived(self) -> tuple[Quantity, ...]:
-        """The quantities that follow from parameters, such as the pace of the court."""
-        return quantities(self.forward, self.calibrated, self.scene)
+        """The quantities that follow from parameters, such as the pace of the court, differences
+        of two levels, and what the user derives; of a variant of the model only if it has all names
+        in it.
+        """
+        return self._derived(skip_unknown=True)
+
+    def refuse_unknown_names(self) -> None:
+        """Refuse what the user derives where it cannot be.
+
+        Raises:
+            ParameterError: an expression is none, or its name has been given (`derive`), or it has
+                an unknown name (`unknown-parameter`).
+        """
+        self._derived(skip_unknown=False)
+
+    def _derived(self, *, skip_unknown: bool) -> tuple[Quantity, ...]:
+        """All quantities that follow from parameters. Raises ParameterError."""
+        specs = {parameter.spec.name: parameter.spec for parameter in self.parameters}
+        following = quantities(self.forward, self.calibrated, self.scene)
+        following += compared_levels(self.forward, self.calibrated, specs)
+        return (*following, *written(self.choices.derive, specs, following, skip_unknown))
 
     def values(self, q: Annotated[FloatArray, "draws coordinates"]) -> Values:
         """The values in SI of all parameters, free and fixed, by name, at coordinates."""
