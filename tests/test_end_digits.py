@@ -4,11 +4,12 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from arviz_stats.base.array import array_stats
 from scipy.stats import expon, norm
 
 import fitball
 from fitball.base.numbers import Unit
-from fitball.inference.sampling.convergence import Mixing, arviz
+from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.summary import end_errors
 from fitball.report import fit_words
 from fitball.report.frame_rows import frame_rows
@@ -94,7 +95,7 @@ def test_effective_sizes_of_tails_are_those_of_the_printed_ends():
     chains[:, 1:][outermost[:, :-1]] = chains[:, :-1][outermost[:, :-1]]
     by_walker = chains[..., 0].transpose(0, 2, 1).reshape(20, 400)
     sizes = [
-        arviz().ess(by_walker, chain_axis=0, draw_axis=1, method="quantile", prob=share)
+        array_stats.ess(by_walker, chain_axis=0, draw_axis=1, method="quantile", prob=share)
         for share in (0.025, 0.975)
     ]
     assert Mixing(("a",), chains).ess_tail["a"] == pytest.approx(min(sizes))

@@ -34,7 +34,7 @@ def packages() -> dict[str, str]:
     import platform
     from importlib.metadata import version
 
-    names = ("numpy", "scipy", "numba", "lmfit", "emcee", "arviz-stats")
+    names = ("numpy", "scipy", "numba", "lmfit", "emcee")
     return {"python": platform.python_version()} | {name: version(name) for name in names}
 
 

@@ -1,31 +1,18 @@
-"""Effective sample sizes and nested R-hat (Margossian et al. 2024), computed by ArviZ."""
+"""How chains of named parameters mix: effective sample sizes and nested R-hat."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Annotated, Protocol
-
-import numpy as np
+from typing import Annotated
 
 from fitball.base.values import FloatArray
+from fitball.inference.diagnostics import Chains, bulk_size, nested_r_hat, tail_size
 
 # The quantiles whose effective sizes are those of the tails: the ends of a 95 % interval, which are
 # printed.
 TAILS = (0.025, 0.975)
-
-
-class ArrayStatistics(Protocol):
-    """The statistics of ArviZ that fitball calls; those of chains `Mixing` calls by name."""
-
-    def psislw(
-        self,
-        ary: FloatArray,
-        r_eff: float,
-        axis: int,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Pareto-smoothed log weights, and Pareto k, of minus the log ratios `ary`."""
 
 
 @dataclass(frozen=True)
@@ -41,31 +28,26 @@ class Mixing:
     @cached_property
     def ess_bulk(self) -> Mapping[str, float]:
         """The effective sample size of the bulk of each parameter, by name."""
-        return self._by_name("ess", method="bulk")
+        return self._by_name(bulk_size)
 
     @cached_property
     def ess_tail(self) -> Mapping[str, float]:
         """The effective sample size of the tails of each parameter, by name."""
-        return self._by_name("ess", method="tail", prob=TAILS)
+        return self._by_name(partial(tail_size, ends=TAILS))
 
     @cached_property
     def r_hat(self) -> Mapping[str, float]:
         """The rank-normalised nested R-hat of each parameter, by name; NaN where no chain moved."""
-        ensembles, _, walkers, _ = self.chains.shape
-        ensemble_of_walker = np.repeat(np.arange(ensembles), walkers)
-        return self._by_name("rhat_nested", superchain_ids=ensemble_of_walker)
+        return self._by_name(partial(nested_r_hat, ensembles=len(self.chains)))
 
-    def _by_name(self, statistic: str, **options: object) -> Mapping[str, float]:
-        """A statistic of ArviZ for each parameter, by name."""
+    def _by_name(self, statistic: Callable[[Chains], float]) -> Mapping[str, float]:
+        """A statistic of the walkers of each parameter, by name."""
         ensembles, steps, walkers, size = self.chains.shape
         by_walker = self.chains.transpose(3, 0, 2, 1)
         by_parameter = by_walker.reshape(size, ensembles * walkers, steps)
-        function = partial(getattr(arviz(), statistic), chain_axis=0, draw_axis=1, **options)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return {
-                name: float(function(chains))
-                for name, chains in zip(self.names, by_parameter, strict=True)
-            }
+        return {
+            name: statistic(chains) for name, chains in zip(self.names, by_parameter, strict=True)
+        }
 
     @property
     def smallest_ess(self) -> float:
@@ -77,11 +59,3 @@ class Mixing:
         `r_hat`. A parameter that never moved has not.
         """
         return self.smallest_ess >= ess and all(value < r_hat for value in self.r_hat.values())
-
-
-def arviz() -> ArrayStatistics:
-    """The statistics of ArviZ for plain arrays."""
-    from arviz_stats.base.array import array_stats
-
-    statistics: ArrayStatistics = array_stats
-    return statistics

@@ -16,7 +16,7 @@ import numpy as np
 
 from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
-from fitball.inference.sampling.convergence import arviz
+from fitball.inference.diagnostics import pareto_smoothed_tail
 
 # Draws of each round, after which the proposal is fitted again.
 DRAWS_OF_ROUND = 500
@@ -254,5 +254,4 @@ def pareto_smoothed(
         return _normalised(log_ratios), -np.inf
     if size < LEAST_TAIL or not _is_spread(tail):
         return _normalised(log_ratios), np.inf
-    weights, k = arviz().psislw(-log_ratios, r_eff=efficiency, axis=-1)
-    return weights, float(k)
+    return pareto_smoothed_tail(log_ratios, size)

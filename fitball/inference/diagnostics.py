@@ -1,0 +1,164 @@
+"""Effective sample sizes of chains, nested R-hat, and Pareto smoothing of weights.
+
+They are those of ArviZ, to rounding. Its import alone takes a tenth of the time of a small fit.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from scipy.special import ndtri
+
+from fitball.base.values import FloatArray
+
+# Of one quantity; a chain is of a walker.
+Chains: TypeAlias = Annotated[FloatArray, "chains steps"]
+# Steps of a chain from which its halves have a variance.
+LEAST_STEPS = 4
+# The prior of the shape of a Pareto tail (Zhang and Stephens 2009): the quantile of the excesses
+# that it is scaled by, and the power of the scale.
+_PRIOR_QUANTILE = 0.25
+_PRIOR_POWER = 3.0
+# Excesses that the prior of Pareto k counts as, with the mean 0.5 (Vehtari et al. 2024, app. G).
+_PRIOR_EXCESSES = 10.0
+
+
+def bulk_size(chains: Chains) -> float:
+    """The effective sample size of the bulk (Vehtari et al. 2021, section 4.3): that of the
+    rank-normalised halves of chains. NaN of too few steps, or where a value is not finite.
+    """
+    if not _has_statistics(chains):
+        return np.nan
+    return _size(_normal_scores(_halves(chains)))
+
+
+def tail_size(chains: Chains, ends: tuple[float, float]) -> float:
+    """The effective sample size of two quantiles, the smaller one; NaN as in `bulk_size`."""
+    if not _has_statistics(chains):
+        return np.nan
+    quantiles = np.quantile(chains, ends)
+    return min(_size(_halves((chains <= end).astype(np.float64))) for end in quantiles)
+
+
+def nested_r_hat(chains: Chains, ensembles: int) -> float:
+    """The rank-normalised nested R-hat (Margossian et al. 2024, Eqs. 4 to 8) of chains that are in
+    the order of their ensembles: the larger one, of values and of distances from the median. NaN as
+    in `bulk_size`, and where no chain moves.
+    """
+    if not _has_statistics(chains):
+        return np.nan
+    halves = _halves(chains)
+    distances = np.abs(halves - np.median(halves))
+    return max(_r_hat(_normal_scores(one), ensembles) for one in (halves, distances))
+
+
+def pareto_smoothed_tail(
+    log_ratios: Annotated[FloatArray, "draws"], size: int
+) -> tuple[Annotated[FloatArray, "draws"], float]:
+    """Log weights, which add up to one, whose `size` largest ratios are replaced by expected order
+    statistics of the generalised Pareto distribution that is fitted to them, none above the largest
+    ratio; its shape, Pareto k (Vehtari et al. 2024). `size` is at least 5, and the ratios of the
+    tail differ.
+    """
+    log_weights = log_ratios - log_ratios.max()
+    order = np.argsort(log_weights)
+    tail = order[-size:]
+    cutoff = np.exp(log_weights[order[-size - 1]])
+    k, scale = _pareto(np.exp(log_weights[tail]) - cutoff)
+    if np.isfinite(k):
+        upper = -np.log1p(-(np.arange(size) + 0.5) / size)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            excess = np.where(np.abs(k) > 0.0, np.expm1(k * upper) / k, upper)
+        log_weights[tail] = np.minimum(np.log(cutoff + scale * excess), 0.0)
+    return log_weights - np.logaddexp.reduce(log_weights), float(k)
+
+
+def _pareto(excesses: Annotated[FloatArray, "excesses"]) -> tuple[float, float]:
+    """Shape and scale of the generalised Pareto distribution of rising excesses, by the posterior
+    mean of Zhang and Stephens (2009), whose shape is drawn to 0.5.
+    """
+    count = len(excesses)
+    points = 30 + int(np.sqrt(count))
+    quartile = excesses[int(_PRIOR_QUANTILE * count + 0.5) - 1]
+    spread = 1.0 - np.sqrt(points / (np.arange(points) + 0.5))
+    inverse = 1.0 / excesses[-1] + spread / (_PRIOR_POWER * quartile)
+    shape = np.log1p(-inverse[:, None] * excesses).mean(axis=1)
+    log_likelihood = count * (np.log(-inverse / shape) - shape - 1.0)
+    weights = np.exp(log_likelihood - np.logaddexp.reduce(log_likelihood))
+    # What rounding leaves of a weight counts nothing.
+    weights[weights < 10.0 * np.finfo(np.float64).eps] = 0.0
+    mean = float(weights @ inverse / weights.sum())
+    k = float(np.log1p(-mean * excesses).mean())
+    shrunk = (count * k + 0.5 * _PRIOR_EXCESSES) / (count + _PRIOR_EXCESSES)
+    return shrunk, -k / mean
+
+
+def _has_statistics(chains: Chains) -> bool:
+    """Whether there are enough steps, all of them finite."""
+    return chains.shape[1] >= LEAST_STEPS and bool(np.isfinite(chains).all())
+
+
+def _halves(chains: Chains) -> Chains:
+    """First and last halves of chains, each as a chain: a trend within one is then seen."""
+    half = chains.shape[1] // 2
+    return np.concatenate([chains[:, :half], chains[:, -half:]])
+
+
+def _normal_scores(chains: Chains) -> Chains:
+    """Quantiles of the normal distribution at the ranks of all values (Blom 1958); equal values
+    have their mean rank.
+    """
+    _, place, counts = np.unique(chains, return_inverse=True, return_counts=True)
+    rank = np.cumsum(counts) - 0.5 * (counts - 1)
+    scores = ndtri((rank - 0.375) / (chains.size + 0.25))
+    return np.asarray(scores[place].reshape(chains.shape))
+
+
+def _size(chains: Chains) -> float:
+    """The effective sample size of a mean, by Geyer's (1992) initial monotone sequence of the
+    correlations of all chains together.
+    """
+    if np.ptp(chains) < np.finfo(np.float64).resolution:
+        return float(chains.size)
+    steps = chains.shape[1]
+    within, covariance = _covariances(chains)
+    total = within * (steps - 1) / steps
+    if len(chains) > 1:
+        total += np.var(chains.mean(axis=1), ddof=1)
+    correlation = 1.0 - (within - covariance) / total
+    correlation[0] = 1.0
+    # The last pair that is looked at.
+    last = max((steps - 1) // 2 - 1, 0)
+    pairs = correlation[: 2 * last + 2].reshape(-1, 2).sum(axis=1)
+    ended = np.flatnonzero(pairs <= 0.0)
+    end = int(ended[0]) if ended.size else last
+    sums = np.minimum.accumulate(pairs[:end])
+    # Half of the pair that ends the sequence counts where it is positive.
+    after = max(float(correlation[2 * end]), 0.0)
+    time = max(2.0 * float(sums.sum()) - 1.0 + after, 1.0 / np.log10(chains.size))
+    return float(chains.size / time)
+
+
+def _covariances(chains: Chains) -> tuple[float, Annotated[FloatArray, "steps"]]:
+    """The mean variance within chains, and their mean autocovariances by lag."""
+    steps = chains.shape[1]
+    deviations = chains - chains.mean(axis=1, keepdims=True)
+    # Padded, so that no lag reaches around to the begin.
+    length = 1 << (2 * steps - 1).bit_length()
+    power = np.abs(np.fft.rfft(deviations, length)) ** 2
+    covariance = np.fft.irfft(power.mean(axis=0), length)[:steps] / steps
+    return float(covariance[0] * steps / (steps - 1)), covariance
+
+
+def _r_hat(halves: Chains, ensembles: int) -> float:
+    """Nested R-hat of halves of chains: first halves of all ensembles, then second ones."""
+    steps = halves.shape[1]
+    # Both halves of a chain are of its ensemble.
+    by_half = halves.reshape(2, ensembles, -1, steps)
+    of_ensemble = by_half.transpose(1, 0, 2, 3).reshape(ensembles, -1, steps)
+    means = of_ensemble.mean(axis=2)
+    within = of_ensemble.var(axis=2, ddof=1).mean(axis=1) + means.var(axis=1, ddof=1)
+    between = means.mean(axis=1).var(ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.sqrt(1.0 + between / within.mean()))
