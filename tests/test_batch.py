@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+from hashlib import sha256
 
 import cloudpickle
 import numpy as np
@@ -139,6 +140,8 @@ def test_what_fails_is_a_row_and_what_is_finished_is_not_fitted_again(courts, ca
     assert second.run.table.name == "court 2"
     assert batch.tables.loc["court 2", "mu"] == second.parameters["mu"].point
     pd.testing.assert_frame_equal(loaded.tables, batch.tables.loc[GOOD], check_dtype=False)
+    digest = sha256((courts / "court 2.csv").read_bytes()).hexdigest()
+    assert batch.tables.loc["court 2", ["sha256", "seed"]].tolist() == [digest, 1]
     # Files are of the numbers; without the deadly one, in this process, nothing is made again but
     # what was damaged.
     csv = pd.read_csv("all/batch.csv", index_col="table")
@@ -324,13 +327,13 @@ def batch_of_courts():
     frames = [table_of(18, ("clay", "hard"))]
     frames += [table_of(14 + k) for k in range(4)]
     fits = {f"court {k}": fit_by_hand(frame) for k, frame in enumerate(frames)}
-    results = [rows.record_of(name, fit) for name, fit in fits.items()]
+    results = [rows.record_of(name, fit, "2026-05-01") for name, fit in fits.items()]
     drops = table_of(9, drop=True).assign(ball=list("aaabbbccc"))
     drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
     wiggle = 1.0 + 2e-3 * np.sin(np.arange(9))
     drops["v_y2"] = 0.745 * drops["v_y1"] * wiggle
     fits["drops"] = fit_by_hand(drops)
-    results.append(rows.record_of("drops", fits["drops"]))
+    results.append(rows.record_of("drops", fits["drops"], "2026-05-01"))
     results.append(rows.record_of_failure("bad", MachineError("out of memory", "memory")))
     return many.batch_of(None, results, None, fits.__getitem__)
 
@@ -384,7 +387,7 @@ def test_a_court_of_the_test_has_its_measured_rating():
             "surface": "clay",
         }
     )
-    result = rows.record_of("court", fit_by_hand(frame))
+    result = rows.record_of("court", fit_by_hand(frame), "2026-05-01")
     row = result.row
     low = row["pace_measured_q025"]
     high = row["pace_measured_q975"]

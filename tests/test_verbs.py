@@ -217,7 +217,7 @@ def test_what_did_not_converge_has_exit_code_1():
     fit = fit_by_hand(table_of(12))
     assert fit.exit_code == 0
     assert replace(fit, status="not converged").exit_code == 1
-    record = rows.record_of("a", fit)
+    record = rows.record_of("a", fit, "2026-05-01")
     fits = {"a": fit}
     assert many.batch_of(None, [record], None, fits.get).exit_code == 0
     record.row["status"] = "not converged"

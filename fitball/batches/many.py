@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -165,7 +166,8 @@ def batch_of(
         heads |= dict.fromkeys(record.row)
     tables = pd.DataFrame([record.row for record in records], columns=list(heads))
     tables = tables.set_index("table")
-    tables["impacts"] = tables["impacts"].astype("Int64")
+    for counted_column in ("impacts", "seed"):
+        tables[counted_column] = tables[counted_column].astype("Int64")
     quantities = {str(record.row["table"]): dict(record.quantities) for record in records}
     by_name = dict[str, list[rows.TableQuantity]]()
     for name in dict.fromkeys(name for record in records for name in record.quantities):
@@ -216,12 +218,19 @@ def _record(task: Task, named_source: tuple[str, TableSource]) -> TableRecord:
     """The record of a table. Raises FitballError alone: a table does not stop the others."""
     name, source = named_source
     try:
-        return rows.record_of(name, _fitted(task, name, source))
+        fit = _fitted(task, name, source)
+        return rows.record_of(name, fit, _day_of_fit(task.folder.path / name))
     except FitballError:
         raise
     except Exception as error:
         text = f"a fault of fitball, please report it: {type(error).__name__}: {error}"
         raise MachineError(text, "fault-of-fitball") from error
+
+
+def _day_of_fit(folder: Path) -> str:
+    """The day (UTC) on which the fit in a folder was written."""
+    written = (folder / FIT_FILE).stat().st_mtime
+    return datetime.fromtimestamp(written, UTC).date().isoformat()
 
 
 def _fitted(task: Task, name: str, source: TableSource) -> Fit:
@@ -273,5 +282,5 @@ def load(folder: Path, user_model: Model | None) -> Batch:
         )
         raise FolderError(text, "no-batch")
     fits = {name: files_of_fit.read(folder / name, user_model) for name in names}
-    records = [rows.record_of(name, fit) for name, fit in fits.items()]
+    records = [rows.record_of(name, fit, _day_of_fit(folder / name)) for name, fit in fits.items()]
     return batch_of(folder, records, user_model, fits.__getitem__)

@@ -33,7 +33,20 @@ from fitball.uses.lab import drop_test, measured_pace
 DONE = "done"
 FAILED = "failed"
 # Columns of a table that failed, too.
-HEAD = ("table", "outcome", "code", "reason", "impacts", "model", "status", "adequacy")
+HEAD = (
+    "table",
+    "outcome",
+    "code",
+    "reason",
+    "impacts",
+    "model",
+    "status",
+    "adequacy",
+    "sha256",
+    "version",
+    "seed",
+    "fitted_on",
+)
 # Kinds of quantities that are compared over tables.
 _KINDS = ("model", "level", "derived")
 # Sds of a normal distribution in its 95 % interval.
@@ -98,9 +111,9 @@ def record_of_failure(name: str, error: FitballError) -> TableRecord:
     return TableRecord(row, {})
 
 
-def record_of(name: str, fit: Fitted) -> TableRecord:
-    """The record of a fit: outcome, adequacy, labels that all its impacts share, every quantity in
-    SI, laboratory tests.
+def record_of(name: str, fit: Fitted, fitted_on: str) -> TableRecord:
+    """The record of a fit: outcome, adequacy, what it was made from and on which day, labels that
+    all its impacts share, every quantity in SI, laboratory tests.
     """
     row: dict[str, object] = {
         "table": name,
@@ -111,6 +124,10 @@ def record_of(name: str, fit: Fitted) -> TableRecord:
         "model": fit.problem.forward.model.text,
         "status": fit.status,
         "adequacy": fit.adequacy.answer,
+        "sha256": " ".join(dict.fromkeys(read.get("sha256", "") for read in fit.run.table.read)),
+        "version": fit.run.version,
+        "seed": fit.run.effort.seed,
+        "fitted_on": fitted_on,
     }
     for column, cells in fit.run.table.labels.items():
         if column != "id" and len({*cells}) == 1:
