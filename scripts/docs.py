@@ -33,6 +33,7 @@ from fitball.base.columns import COLUMNS
 from fitball.base.prior_families import FAMILIES
 from fitball.data import scene as scenes
 from fitball.data.bundled import published_priors
+from fitball.exports.engines import engines
 from fitball.models.registry import MODELS, model
 from fitball.models.specs import BALL_PARAMETERS, SPECS
 
@@ -269,6 +270,19 @@ def shapes_table() -> str:
     return table("written by|call|header, or contents", rows)
 
 
+def engines_table() -> str:
+    """The table of physics engines, of `fitball/exports/engines/engines.toml`."""
+    rows = []
+    for engine in engines().values():
+        way = {"settings": "settings", "fine steps": "settings, fine steps", "port": "port only"}
+        run = "" if engine.run else ", not run"
+        seen = ""
+        for rate, (v_x2, v_y2, omega_2) in engine.seen.items():
+            seen = f"{v_x2}, {v_y2}, {omega_2} at {rate} Hz"
+        rows.append((engine.name, engine.version, way[engine.works] + run, seen))
+    return table("engine|version|by|rms of `v_x2`, `v_y2` [m/s], `omega_2` [rad/s]", rows)
+
+
 # What writes a generated part, by the name that pages have for it.
 GENERATORS = {
     "columns": columns_table,
@@ -280,6 +294,7 @@ GENERATORS = {
     "priors": priors_table,
     "codes": codes_table,
     "shapes": shapes_table,
+    "engines": engines_table,
 }
 
 

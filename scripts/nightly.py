@@ -4,6 +4,7 @@ scripts/test.
 pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, addresses that are
            requested, widths, pictures
 ports      ports compiled and run; those without a compiler are skipped
+engines    recipes of the engine page in the physics engines themselves, with controls
 docs       generated parts, links, words, the commands of all pages, all examples of docstrings
 foreign    values and new measurements of balls that fitball's models are not
 hostile    damaged tables, scenes, fits, names and places
@@ -50,8 +51,9 @@ QUICK = (
 COMMANDS = {
     "ports": [
         "-P -m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py "
-        "tests/test_port_text.py"
+        "tests/test_port_text.py tests/test_port_range.py"
     ],
+    "engines": ["-P scripts/engines/check.py WORK"],
     "docs": [
         "-P scripts/docs.py --check",
         "-P scripts/docs.py --run",

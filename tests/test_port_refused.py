@@ -22,7 +22,7 @@ from fitball.models.model import KernelSolver, Model
 from fitball.models.specs import SPECS
 
 COLUMNS = ("mu", "cor_10", "cor_slope", "ball_mass", "ball_radius", "inertia_ratio")
-PORTED = {"c", "csharp", "javascript", "python", "golden", "page"}
+PORTED = {"c", "csharp", "javascript", "esm", "types", "python", "gdscript", "golden", "page"}
 OF_FITS = {"latex", "markdown", "arviz"}
 FUNCTION = """import numpy as np
 

@@ -2,6 +2,7 @@
 free to turn.
 """
 
+import warnings
 from typing import NamedTuple
 
 import numba
@@ -129,7 +130,10 @@ def _rebound_3d(port, velocity, spin, normal, parameters):
     """Velocity and spin (3,) after a bounce, by the port."""
     arrays = (velocity, spin, normal)
     vectors = [port.Vector(*map(float, array)) for array in arrays]
-    rebound = port.rebound_3d(*vectors, parameters)
+    with warnings.catch_warnings():
+        # Balls that move away are among them.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        rebound = port.rebound_3d(*vectors, parameters)
     return np.array(rebound.velocity), np.array(rebound.spin)
 
 

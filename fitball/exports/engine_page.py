@@ -23,7 +23,7 @@ from fitball.exports.engine import (
     settings,
     spring,
 )
-from fitball.exports.engines import Engine, chosen
+from fitball.exports.engines import Engine, chosen, recipe
 from fitball.exports.parameter_set import ParameterSet
 from fitball.models.specs import BALL_PARAMETERS
 from fitball.report.blocks import Block, Report, Section, Table, Text
@@ -72,14 +72,17 @@ def numbers_of(parameters: ParameterSet, setting: EngineSettings, time: float) -
 
 
 def recipes(
-    numbers: Mapping[str, float], time: float, engines: Mapping[str, Engine]
+    numbers: Mapping[str, float], time: float, engines: Mapping[str, Engine], kind: str = "recipe"
 ) -> dict[str, str]:
-    """The recipes of engines that have one, by key, with these numbers and a contact of `time`."""
+    """The recipes of engines that have one, by key, with these numbers and a contact of `time`;
+    of the `kind` port those with the port.
+    """
     texts = {name: f"{number:.10g}" for name, number in numbers.items()}
     stiffness, damping = spring(numbers["e"], time)
     texts["solref"] = f"{-stiffness:.10g} {-damping:.10g}"
     texts["solimp"] = " ".join(map(str, SOLIMP))
-    return {key: one.recipe_with(texts) for key, one in engines.items() if one.recipe}
+    files = {key: getattr(one, kind) for key, one in engines.items()}
+    return {key: recipe(file, texts) for key, file in files.items() if file}
 
 
 def settings_json(sets: Sequence[ParameterSet], at: str, engine: str = "") -> str:
@@ -129,6 +132,7 @@ def settings_json(sets: Sequence[ParameterSet], at: str, engine: str = "") -> st
                 },
                 "mujoco": mujoco,
                 "recipes": recipes(numbers[-1], time, engines),
+                "ports": recipes(numbers[-1], time, engines, "port"),
             }
         )
     content = {
@@ -183,11 +187,13 @@ def settings_page(sets: Sequence[ParameterSet], at: str, engine: str = "") -> st
     summary: list[Block] = [Text(about), Table("Settings", rows), Text(notes, "list")]
     parameters, of_inertias = of_sets[0]
     time = contact_duration(parameters, point)
-    codes = recipes(numbers_of(parameters, of_inertias[-1], time), time, engines)
+    numbers = numbers_of(parameters, of_inertias[-1], time)
     sections = [
         Section("Limits", [Text(_REASONS, "list"), Table("", reaches)]),
         Section("Engines", [Text(_ADVICE, "list"), *_engine_tables(engines.values())]),
-        *_recipe_sections(engines, codes),
+        *_recipe_sections(engines, recipes(numbers, time, engines), ""),
+        Section("The port in an engine", [Text(_IN_ENGINE, "list")]),
+        *_recipe_sections(engines, recipes(numbers, time, engines, "port"), "The port in "),
     ]
     return to_markdown(Report(f"Engine settings by {first.model.text}", summary, sections))
 
@@ -283,10 +289,14 @@ def _engine_tables(engines: Iterable[Engine]) -> list[Table]:
     return [Table("How near", works, left), Table("What they do unless told", rules, left)]
 
 
-def _recipe_sections(engines: Mapping[str, Engine], codes: Mapping[str, str]) -> list[Section]:
-    """The recipes, each under the name and version of its engine."""
+def _recipe_sections(
+    engines: Mapping[str, Engine], codes: Mapping[str, str], head: str
+) -> list[Section]:
+    """The recipes, each under the name and version of its engine, behind a `head`."""
     return [
-        Section(f"{engines[key].name}: {engines[key].version}", [Text(code.splitlines(), "code")])
+        Section(
+            f"{head}{engines[key].name}: {engines[key].version}", [Text(code.splitlines(), "code")]
+        )
         for key, code in codes.items()
     ]
 
@@ -310,4 +320,18 @@ _ADVICE = (
     "PyBullet: contactERP and contactBreakingThreshold act on the whole world; bodies that overlap "
     "are not pushed apart.",
     "Unity, Godot 4: documented, not run. Unity's engine PhysX was run.",
+)
+_IN_ENGINE = (
+    "Read velocity and spin before the solver: in the event that begins a contact, or before the "
+    "step. After the solver the ball moves away, `status` is 6, and it does not bounce.",
+    "Leave the engine's response on, with restitution 0. A sensor bounces rightly and then falls "
+    "through the court, since a ball at rest makes no new event.",
+    "Set the rebound if `status` is not 6. Raise the limit of spin, which also cuts what the port "
+    "returns.",
+    "`rebound` takes v_y1 positive towards the court. `rebound_3d` takes vectors as an engine has "
+    "them: left-handed axes (Unity) come with left-handed spin, so no mirror is needed.",
+    "Of a moving surface subtract its velocity before, add it after.",
+    "A rebound that is set at the end of a step of 1/60 s misplaces a ball by 10 to 15 cm after a "
+    "second. `step` places it within the step, by gap_time, gap_path and gap_turn, and has rest "
+    "and rolling: use it where the ball meets planes alone.",
 )

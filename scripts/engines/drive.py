@@ -62,7 +62,8 @@ def _pybullet_put(names: Names, y: float, v_x: float, v_y: float, omega: float) 
 
 def _pybullet_step(names: Names, dt: float) -> None:
     names["pybullet"].setTimeStep(dt)
-    names["pybullet"].stepSimulation()
+    # With a port the recipe has a step of its own.
+    names.get("step", names["pybullet"].stepSimulation)()
 
 
 def _pybullet_look(names: Names) -> tuple[float, float, float, float]:

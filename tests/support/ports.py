@@ -3,9 +3,11 @@ to rebounds.
 """
 
 import functools
+import os
 import shutil
 import subprocess
 import types
+import warnings
 
 import numpy as np
 import pytest
@@ -42,9 +44,11 @@ int main(void)
         fitball_Rebound3 s = fitball_rebound_3d(v, w, u, p);
         double y[] = {r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn,
                       (double)r.regime, (double)r.status, (double)r.extrapolated,
-                      s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z};
-        for (k = 0; k < 16; k++)
-            printf(k < 15 ? "%.17g " : "%.17g\\n", y[k]);
+                      s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z,
+                      s.gap_path.x, s.gap_path.y, s.gap_path.z,
+                      s.gap_turn.x, s.gap_turn.y, s.gap_turn.z};
+        for (k = 0; k < 22; k++)
+            printf(k < 21 ? "%.17g " : "%.17g\\n", y[k]);
         k = -1;
     }
     return 0;
@@ -74,7 +78,8 @@ static class Run
             double[] y = {
                 r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn,
                 r.regime, r.status, r.extrapolated ? 1 : 0,
-                s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z
+                s.velocity.x, s.velocity.y, s.velocity.z, s.spin.x, s.spin.y, s.spin.z,
+                s.gap_path.x, s.gap_path.y, s.gap_path.z, s.gap_turn.x, s.gap_turn.y, s.gap_turn.z
             };
             Console.WriteLine(string.Join(" ", y.Select(one => one.ToString("R", culture))));
         }
@@ -90,8 +95,43 @@ for (const line of require("fs").readFileSync(0, "utf8").trim().split("\\n")) {
     const r = Bounce.rebound(i[0], i[1], i[2], p);
     const s = Bounce.rebound_3d(vector(3), vector(6), vector(9), p);
     const plane = Object.values(r).map(Number);
-    console.log([...plane, ...Object.values(s.velocity), ...Object.values(s.spin)].join(" "));
+    const vectors = [s.velocity, s.spin, s.gap_path, s.gap_turn];
+    console.log([...plane, ...vectors.flatMap((one) => [one.x, one.y, one.z])].join(" "));
 }
+"""
+# Numbers as doubles in files: Godot's own texts of numbers have fewer digits.
+GDSCRIPT = """extends SceneTree
+func vector(bounce, i, k):
+    return bounce.BounceVector.new(i[k], i[k + 1], i[k + 2])
+
+func _init():
+    var bounce = load("res://bounce.gd").new()
+    var numbers = File.new()
+    var out = File.new()
+    numbers.open("res://in.bin", File.READ)
+    out.open("res://out.bin", File.WRITE)
+    var lines = int(numbers.get_double())
+    var n = int(numbers.get_double()) - 12
+    out.store_double(bounce.self_test())
+    for _k in range(lines):
+        var row = []
+        for _j in range(n):
+            row.append(numbers.get_double())
+        var i = []
+        for _j in range(12):
+            i.append(numbers.get_double())
+        var p = bounce.BounceParameters.callv("new", row)
+        var r = bounce.rebound(i[0], i[1], i[2], p)
+        var v_1 = vector(bounce, i, 3)
+        var s = bounce.rebound_3d(v_1, vector(bounce, i, 6), vector(bounce, i, 9), p)
+        for y in [r.v_x2, r.v_y2, r.omega_2, r.contact_time, r.gap_time, r.gap_path, r.gap_turn,
+                r.regime, r.status, 1.0 if r.extrapolated else 0.0]:
+            out.store_double(y)
+        for v in [s.velocity, s.spin, s.gap_path, s.gap_turn]:
+            for y in [v.x, v.y, v.z]:
+                out.store_double(y)
+    out.close()
+    quit()
 """
 # What runs first, how a file is compiled, how a self-test is, and the driver.
 RUNS = {
@@ -108,7 +148,10 @@ RUNS = {
     "csharp": ("mcs", "mcs -warnaserror -out:run.exe {}", ("Run.cs", CSHARP)),
     "javascript": ("node", "", ("run.js", JAVASCRIPT)),
 }
+# Languages whose file is compiled and run by itself; `in_godot` runs the other one.
 LANGUAGES = ("c", "c++", "csharp", "javascript", "python")
+# Names of Godot 3 without a window.
+GODOT = ("godot3-server", "godot-server", "godot3-headless")
 
 
 def text_of(sets, language):
@@ -124,17 +167,43 @@ def module(text):
 
 
 def in_python(port_module, lines):
-    """Rebounds (lines, 16) of lines (lines, numbers) by the port in Python, as of `run`."""
+    """Rebounds (lines, 22) of lines (lines, numbers) by the port in Python, as of `run`."""
     rebounds = []
     count = len(port_module.Parameters._fields)
     for line in lines.tolist():
         row = port_module.Parameters(*line[:count])
         impact = line[count:]
         vectors = [port_module.Vector(*impact[k : k + 3]) for k in (3, 6, 9)]
-        flat = port_module.rebound(*impact[:3], row)
-        spatial = port_module.rebound_3d(*vectors, row)
-        rebounds.append([*map(float, flat), *spatial.velocity, *spatial.spin])
+        with warnings.catch_warnings():
+            # Balls that move away are among them.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            flat = port_module.rebound(*impact[:3], row)
+            spatial = port_module.rebound_3d(*vectors, row)
+        gaps = (*spatial.gap_path, *spatial.gap_turn)
+        rebounds.append([*map(float, flat), *spatial.velocity, *spatial.spin, *gaps])
     return np.array(rebounds)
+
+
+def in_godot(folder, text, lines):
+    """What the self-test of the port in GDScript returns, and rebounds (lines, 22) as of `run`."""
+    godot = next(filter(None, map(shutil.which, GODOT)), None)
+    if godot is None:
+        pytest.skip("Godot 3 is not installed")
+    (folder / "bounce.gd").write_text(text, encoding="utf-8")
+    (folder / "main.gd").write_text(GDSCRIPT, encoding="utf-8")
+    (folder / "project.godot").write_text("config_version=4\n", encoding="utf-8")
+    lines = np.asarray(lines)
+    numbers = np.concatenate([np.array(lines.shape, float), lines.ravel()])
+    (folder / "in.bin").write_bytes(numbers.astype("<f8").tobytes())
+    subprocess.run(
+        [godot, "--path", str(folder), "-s", "res://main.gd"],
+        check=True,
+        capture_output=True,
+        env={**os.environ, "HOME": str(folder)},
+        timeout=300,
+    )
+    answer = np.frombuffer((folder / "out.bin").read_bytes(), "<f8")
+    return answer[0], answer[1:].reshape(len(lines), 22)
 
 
 def compiled(folder, language, text, driver=True):
@@ -164,10 +233,14 @@ def compiled(folder, language, text, driver=True):
 
 
 def run(folder, language, sets, lines):
-    """OUTPUTS, velocity and spin in space (lines, 16) of lines (lines, numbers)."""
+    """OUTPUTS, then velocity, spin, and path and turn between the flights in space (lines, 22) of
+    lines (lines, numbers).
+    """
     text = text_of(sets, language)
     if language == "python":
         return in_python(module(text), lines)
+    if language == "gdscript":
+        return in_godot(folder, text, lines)[1]
     command = compiled(folder, language, text)
     text_of_lines = "\n".join(" ".join(map(repr, line)) for line in lines.tolist())
     done = subprocess.run(

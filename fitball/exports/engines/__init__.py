@@ -21,8 +21,9 @@ class Engine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `works`: by settings, by settings with fine steps, or by the port alone. `restitution` and
     `friction` say how those of ball and court combine. `seen` are root mean squares of rebounds
-    less the model, v_x2 and v_y2 [m/s], omega_2 [rad/s], by steps a second. `recipe` is a file of
-    `recipes`, whose ending is its language; empty without one.
+    less the model, v_x2 and v_y2 [m/s], omega_2 [rad/s], by steps a second. `recipe`, with
+    settings, and `port`, with a port in their place, are files of `recipes`, whose ending is their
+    language; empty without one.
     """
 
     name: str
@@ -39,17 +40,14 @@ class Engine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     contact: str
     rest: str
     recipe: str
+    port: str = ""
     seen: Mapping[str, tuple[float, float, float]] = {}
 
-    @property
-    def language(self) -> str:
-        """The language of the recipe."""
-        return self.recipe.rpartition(".")[2]
 
-    def recipe_with(self, numbers: Mapping[str, str]) -> str:
-        """The recipe as code with these `numbers` as texts by name."""
-        text = (_HERE / "recipes" / self.recipe).read_text("utf-8")
-        return re.sub(r"@([a-z]+)@", lambda match: numbers[match[1]], text)
+def recipe(file: str, numbers: Mapping[str, str]) -> str:
+    """A file of `recipes` as code with these `numbers` as texts by name."""
+    text = (_HERE / "recipes" / file).read_text("utf-8")
+    return re.sub(r"@([a-z]+)@", lambda match: numbers[match[1]], text)
 
 
 @cache

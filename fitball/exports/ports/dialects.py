@@ -1,28 +1,39 @@
 """The languages of the C family that kernels are translated to, as tables of texts."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from textwrap import wrap
 from typing import get_args
 
-from fitball.exports.ports import offered
+from fitball.exports.ports import offered, python
 from fitball.exports.ports.source import PortConstant, Type, fields_of, origin_of
+from fitball.exports.ports.wrapped import wrapped
 
 # Words of C, C# and JavaScript that are no words of Python, so that a kernel may call a variable
 # so, such as `event`: the port then adds an underscore. Compilers refuse any other.
-RESERVED = {
-    "case",
-    "default",
-    "double",
-    "event",
-    "fixed",
-    "function",
-    "long",
-    "new",
-    "object",
-    "short",
-    "this",
-}
+RESERVED = frozenset(
+    {
+        "case",
+        "default",
+        "double",
+        "event",
+        "fixed",
+        "function",
+        "long",
+        "new",
+        "object",
+        "short",
+        "this",
+    }
+)
+# Words of GDScript, its functions among them, that kernels may have as variables.
+_GDSCRIPT_RESERVED = frozenset(
+    (
+        *("_", "ceil", "char", "clamp", "class", "deg2rad", "ease", "export", "extends"),
+        *("floor", "func", "lerp", "load", "master", "match", "preload", "range", "remote"),
+        *("round", "seed", "self", "sign", "signal", "static", "str", "sync", "tool", "var"),
+        "yield",
+    )
+)
 # Functions of Python's `math` that all these languages have.
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan2")
 # Helpers of all these languages: min and max as Python has them for NaN, and the sixth power.
@@ -50,16 +61,35 @@ class Dialect:
     cast: str = "{}"
     truncate: str = "{}"
     types: Mapping[Type, str] = field(default_factory=dict)
-    # What names of functions and types begin with.
+    # What names of functions and types begin with; types may have another one.
     prefix: str = ""
+    type_prefix: str = ""
+    # Words that variables must not be called.
+    reserved: Collection[str] = RESERVED
+    # Blocks: how each kind begins, what ends it, what stands in an empty one.
+    block_if: str = "if ({}) {{"
+    block_else: str = "}} else {{"
+    block_while: str = "while ({}) {{"
+    block_for: str = "for ({k} = {first}; {k} < {end}; {k} = {k} + 1) {{"
+    block_end: str = "}"
+    empty: str = ""
+    # The end of a statement, and a choice of two values.
+    stop: str = ";"
+    choice: str = "({test} ? {yes} : {no})"
+    # Whether a loop declares its variable.
+    loop_declares: bool = False
     # A struct or tuple, of `items` or of `named` fields.
     built: str = ""
     # A struct as a constant, where that is written otherwise.
     initial: str = ""
     # The declaration of a variable, with a harmless value.
     variable: str = ""
-    # The lines before the body of a function.
+    # What stands before a function that kernels expand, and before others.
+    expanded: str = ""
+    called: str = ""
+    # The lines before the body of a function, and what further lines of its comment begin with.
     head: str = ""
+    margin: str = "   "
     # A statement that names a parameter which is not read, so that compilers do not warn.
     unread: str = ""
     # What stands in place of parameters where there are none.
@@ -73,10 +103,14 @@ class Dialect:
     constant_number: str = ""
     constant_struct: str = ""
     constant_list: str = ""
+    # A list of structs, where that is written otherwise.
+    constant_structs: str = ""
 
     def name(self, text: str) -> str:
         """The name of a variable or parameter."""
-        return f"{text}_" if text in RESERVED else text
+        if text not in self.reserved:
+            return text
+        return f"{text}_" if text.strip("_") else "unread_"
 
     def function(self, text: str) -> str:
         """The name of a function."""
@@ -88,7 +122,9 @@ class Dialect:
 
     def type(self, kind: Type) -> str:
         """How a type is written."""
-        return self.types[kind] if kind in self.types else f"{self.prefix}{type_name(kind)}"
+        if kind in self.types:
+            return self.types[kind]
+        return f"{self.type_prefix or self.prefix}{type_name(kind)}"
 
     def declared(self, kind: Type, name: str) -> str:
         """The name of a variable or function, behind its type where that is written."""
@@ -117,15 +153,19 @@ class Dialect:
         taken = [self.declared(of_field, name) for name, of_field in fields_of(kind).items()]
         stores = " ".join(f"this.{name} = {name};" for name in fields_of(kind))
         fields = "\n".join(f"    {self.member.format(text)}" for text in taken)
+        lines = "\n".join(f"        self.{name} = {name}" for name in fields_of(kind))
         return self.struct.format(
             type=self.type(kind),
             fields=fields,
             taken=", ".join(taken),
             stores=stores,
+            lines=lines,
         )
 
     def literal(self, value: PortConstant) -> str:
         """A number, or a named tuple of numbers, as a constant is written."""
+        if isinstance(value, bool):
+            return "true" if value else "false"
         if not isinstance(value, tuple):
             return repr(value)
         items = [self.literal(field) for field in value]
@@ -137,7 +177,8 @@ class Dialect:
         """The definition of a constant."""
         form = self.constant_struct if isinstance(value, tuple) else self.constant_number
         if isinstance(value, list):
-            return self.constant_list.format(
+            structs = isinstance(value[0], tuple) and self.constant_structs
+            return (structs or self.constant_list).format(
                 type=self.type(type(value[0])),
                 name=self.constant(name),
                 items=wrapped(map(self.literal, value)),
@@ -147,11 +188,6 @@ class Dialect:
             name=self.constant(name),
             value=self.literal(value),
         )
-
-
-def wrapped(items: Iterable[str]) -> str:
-    """The items of a constant list, separated by commas and wrapped into lines."""
-    return "\n".join(wrap(", ".join(items), 110, initial_indent="    ", subsequent_indent="    "))
 
 
 def type_name(kind: Type) -> str:
@@ -173,7 +209,9 @@ C = Dialect(
     built="FITBALL_MAKE_({type}, {items})",
     initial="{{{}}}",
     variable="{declared} = {zero}",
-    head="/* {comment} */\nstatic inline {declared}({taken})\n{{",
+    expanded="FITBALL_EXPANDED_",
+    called="static inline",
+    head="/* {comment} */\n{how} {declared}({taken})\n{{",
     unread="(void){};",
     nothing="void",
     struct="typedef struct {{\n{fields}\n}} {type};",
@@ -220,4 +258,41 @@ JAVASCRIPT = Dialect(
     constant_number="const {name} = {value};",
     constant_struct="const {name} = {value};",
     constant_list="const {name} = [\n{items}];",
+)
+
+# Godot 3 and 4. Divisions by zero are errors there, as in Python.
+GDSCRIPT = Dialect(
+    {name: f"{name}({{}})" for name in _FUNCTIONS} | {"fabs": "abs({})"},
+    {"pi": "PI", "nan": "NAN", "inf": "INF"},
+    {
+        **_EVERYWHERE,
+        "/": python.over,
+        "math.hypot": offered.hypot,
+        "math.log1p": offered.log1p,
+        "math.copysign": offered.copysign,
+    },
+    {"//": "({} / {})", "<<": "({} << {})"},
+    cast="float({})",
+    truncate="int({})",
+    type_prefix="Bounce",
+    reserved=RESERVED | _GDSCRIPT_RESERVED,
+    block_if="if {}:",
+    block_else="else:",
+    block_while="while {}:",
+    block_for="for {k} in range({first}, {end}):",
+    block_end="",
+    empty="pass",
+    stop="",
+    choice="({yes} if {test} else {no})",
+    loop_declares=True,
+    built="{type}.new({items})",
+    variable="var {declared}",
+    margin="# ",
+    head="# {comment}\nfunc {declared}({taken}):",
+    struct="class {type}:\n{fields}\n    func _init({taken}):\n{lines}\n",
+    member="var {}",
+    constant_number="const {name} = {value}",
+    constant_struct="var {name} = {value}",
+    constant_list="const {name} = [\n{items}]",
+    constant_structs="var {name} = [\n{items}]",
 )

@@ -1,10 +1,9 @@
 """The functions of a port around its kernel, in the kernels' own restricted Python: a bounce in the
-plane and in three dimensions with an answer for every impact, the self-test, and what some
-languages lack.
+plane and in three dimensions with an answer for every impact, and what some languages lack.
 
 They are never run here: `source` collects them like kernels. `SOLVED` is then the answer that
-FRONTS has for the solver of the model, and `FLAGS`, `LEVELS`, `GOLDEN`, `IMPACTS` and `GRIP_ONLY`
-are those of the port. Names and docstrings of functions stand in the files that users see.
+FRONTS has for the solver of the model, and `FLAGS` and `GRIP_ONLY` are those of the port. Names and
+docstrings of functions stand in the files that users see.
 """
 
 import math
@@ -12,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from fitball.base.values import FloatArray
+from fitball.exports.ports.ranges import RANGES, beyond
 from fitball.models.grip_slip import GripSlip, struck
 from fitball.models.kernels.contact import (
     ANCHOR_SPEED,
@@ -35,8 +35,6 @@ from fitball.models.types import PHASE_BITS
 NOT_FINITE = -1
 # A contact that is free at once after its first phase, packed.
 FREED = FREE << PHASE_BITS
-# Numbers of a golden impact: its level, state and rebound, and the packed regime.
-WIDTH = 12
 # Slip below this share of its two terms has no direction but that of their rounding.
 NO_SLIP = 1e-12
 
@@ -54,15 +52,11 @@ class Parameters(NamedTuple):
     inertia_ratio: float
     v_y1_low: float
     v_y1_high: float
+    measured: float
 
 
 # Values that each port has in place of these, as of SOLVED below. First the choices of its model.
 FLAGS: Flags = (0, 0, 0, 0, 0, 0, 0)
-# A parameter set for each surface and ball.
-LEVELS: list[Parameters] = []
-# Numbers of the golden impacts, WIDTH for each of IMPACTS.
-GOLDEN: list[float] = []
-IMPACTS = 0
 # Whether the offset acts in a grip alone: 1, else 0.
 GRIP_ONLY = 0
 
@@ -93,11 +87,16 @@ class Vector(NamedTuple):
 
 
 class Rebound3(NamedTuple):
-    """Velocity and spin in three dimensions; the rest as in the plane of the slip."""
+    """Velocity and spin in three dimensions, path and turn between the flights; the rest as in the
+    plane of the slip.
+    """
 
     velocity: Vector
     spin: Vector
     contact_time: float
+    gap_time: float
+    gap_path: Vector
+    gap_turn: Vector
     regime: int
     status: int
     extrapolated: bool
@@ -202,7 +201,8 @@ def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parame
     none = math.nan
     size = abs(v_x1) + abs(v_y1) + abs(omega_1)
     if size < math.inf and v_y1 <= 0.0:
-        return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, NO_IMPACT, False)
+        status = leaving(v_y1) if v_y1 < 0.0 else NO_IMPACT
+        return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, status, False)
     if size < math.inf:
         found = either_way(row, share, v_x1, v_y1, omega_1)
         size = abs(found.v_x2) + abs(found.v_y2) + abs(found.omega_2)
@@ -217,9 +217,23 @@ def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parame
                 found.gap_turn,
                 found.regime,
                 found.status,
-                not row.v_y1_low <= v_y1 <= row.v_y1_high,
+                is_extrapolated(row, v_x1, v_y1, omega_1),
             )
     return Rebound(none, none, none, none, none, none, none, 0, NOT_FINITE, True)
+
+
+def leaving(v_y: float) -> int:
+    """The status of a ball that moves away from the surface at `-v_y`. Ports write their own, which
+    says so where a developer reads it, once.
+    """
+    return NO_IMPACT if v_y < 0.0 else OK
+
+
+def is_extrapolated(row: Parameters, v_x: float, v_y: float, omega: float) -> bool:
+    """Whether an impact lies outside of what was measured, as `fitball predict` says of it."""
+    if not row.v_y1_low <= v_y <= row.v_y1_high:
+        return True
+    return row.measured >= 0.0 and beyond(RANGES[int(row.measured)], v_x, v_y, omega)
 
 
 def plus(a: Vector, share: float, b: Vector) -> Vector:
@@ -269,8 +283,10 @@ def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Param
     v_c = dot(v_t, second)
     omega_c = dot(w, second)
     one = answered(v_s, v_y, dot(w, first), acting * abs(v_s), parameters)
+    path = 0.0
+    turned = 0.0
     if v_y > 0.0:
-        v_c, omega_c = across(
+        v_c, omega_c, path, turned = across(
             one,
             v_s,
             dot(slip, first),
@@ -280,12 +296,17 @@ def rebound_3d(velocity: Vector, spin: Vector, normal: Vector, parameters: Param
             acting * abs(v_c),
             parameters,
         )
-    v_t = plus(plus(plus(Vector(0.0, 0.0, 0.0), one.v_x2, first), v_c, second), one.v_y2, up)
-    w = plus(plus(Vector(0.0, 0.0, 0.0), one.omega_2, first), omega_c, second)
+    none = Vector(0.0, 0.0, 0.0)
+    v_t = plus(plus(plus(none, one.v_x2, first), v_c, second), one.v_y2, up)
+    w = plus(plus(none, one.omega_2, first), omega_c, second)
+    turn = plus(plus(none, one.gap_turn, first), turned, second)
     return Rebound3(
         v_t,
         plus(cross(up, w), about, up),
         one.contact_time,
+        one.gap_time,
+        plus(plus(none, one.gap_path, first), path, second),
+        plus(cross(up, turn), about * one.gap_time, up),
         one.regime,
         one.status,
         one.extrapolated,
@@ -301,10 +322,10 @@ def across(
     omega: float,
     share: float,
     parameters: Parameters,
-) -> tuple[float, float]:
+) -> tuple[float, float, float, float]:
     """Velocity and spin across the slip, `v` and `omega`, after the bounce `one` along it, where
-    velocity and slip were `v_s` and `slip`. Only the offset, of which a `share` lies across,
-    changes them.
+    velocity and slip were `v_s` and `slip`, and path and turn between the flights. Only the offset,
+    of which a `share` lies across, changes them.
 
     A slip that dies out does so in all directions, by an impulse across that is that of a grip from
     landing on. One that lasts turns: of a rigid ball with `u' = -A mu u/|u| + b` it ends with `b/(A
@@ -323,67 +344,18 @@ def across(
     other = answered(v, v_y, omega, share, parameters)
     left = abs(one.v_x2 - radius * one.omega_2)
     if not (slides and left > 0.0 and braked > 0.0):
-        return other.v_x2, other.omega_2
+        return other.v_x2, other.omega_2, other.gap_path, other.gap_turn
     # By the balance of angular momentum the offset across times the normal impulse; `braked` is
     # `mu` times that.
     turned = mass * radius * (v - other.v_x2) + inertia * (omega - other.omega_2)
     kept = radius * turned / (inertia * compliance * braked) * left * math.log(abs(slip) / left)
     more = (kept - (other.v_x2 - radius * other.omega_2)) / compliance
-    return other.v_x2 + more / mass, other.omega_2 - radius * more / inertia
-
-
-def self_test() -> float:
-    """The largest difference from the golden impacts, relative: of speeds and R omega to the
-    incident speed of the ball and its surface, of times to themselves, of what lies between the
-    flights to that speed times that time.
-    """
-    worst = 0.0
-    for k in range(IMPACTS):
-        at = WIDTH * k
-        row = LEVELS[int(GOLDEN[at])]
-        v_x = GOLDEN[at + 1]
-        v_y = GOLDEN[at + 2]
-        omega = GOLDEN[at + 3]
-        found = rebound(v_x, v_y, omega, row)
-        radius = row.ball_radius
-        speed = math.sqrt(v_x * v_x + v_y * v_y + radius * omega * radius * omega)
-        worst = larger(worst, (found.v_x2 - GOLDEN[at + 4]) / speed)
-        worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
-        worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
-        time = GOLDEN[at + 7]
-        between = GOLDEN[at + 8]
-        # A rigid ball has none.
-        if time > 0.0:
-            worst = larger(worst, (found.contact_time - time) / time)
-            worst = larger(worst, (found.gap_time - between) / between)
-            worst = larger(worst, (found.gap_path - GOLDEN[at + 9]) / (speed * between))
-            worst = larger(worst, radius * (found.gap_turn - GOLDEN[at + 10]) / (speed * between))
-        if found.status != OK or found.regime != GOLDEN[at + 11]:
-            worst = math.inf
-        # The same in space, on a slope.
-        up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
-        travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
-        none = Vector(0.0, 0.0, 0.0)
-        spatial = rebound_3d(
-            plus(plus(none, v_x, travel), -v_y, up),
-            plus(none, omega, cross(up, travel)),
-            up,
-            row,
-        )
-        velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
-        spin = plus(spatial.spin, -GOLDEN[at + 6], cross(up, travel))
-        worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
-        worst = larger(worst, radius * math.sqrt(dot(spin, spin)) / speed)
-    return worst
-
-
-def larger(worst: float, difference: float) -> float:
-    """The larger of two differences; one that is no number is the largest."""
-    return (
-        worst
-        if abs(difference) <= worst
-        else (math.inf if difference != difference else abs(difference))
-    )
+    faster = more / mass
+    slower = radius * more / inertia
+    # What it changes comes evenly over the contact.
+    half = 0.5 * one.gap_time
+    path = other.gap_path + half * faster
+    return other.v_x2 + faster, other.omega_2 - slower, path, other.gap_turn - half * slower
 
 
 def least(a: float, b: float) -> float:

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable, Mapping
 
 from fitball.exports.ports import offered
-from fitball.exports.ports.dialects import wrapped
 from fitball.exports.ports.source import KernelSource, PortConstant, Type, fields_of, is_struct
+from fitball.exports.ports.wrapped import wrapped
 
 
 def over(a: float, b: float) -> float:

@@ -19,10 +19,11 @@ import numpy as np
 from fitball.base.errors import ModelError, ParameterError
 from fitball.base.values import FloatArray, Impacts
 from fitball.exports.parameter_set import ParameterSet
-from fitball.exports.ports import offered, python
-from fitball.exports.ports.dialects import CSHARP, JAVASCRIPT, C, Dialect
+from fitball.exports.ports import flight, offered, python, selftest
+from fitball.exports.ports.dialects import CSHARP, GDSCRIPT, JAVASCRIPT, C, Dialect
 from fitball.exports.ports.offered import FRONTS, Front
-from fitball.exports.ports.source import KernelSource, Type, source_of
+from fitball.exports.ports.ranges import Face, Range, range_of, widened
+from fitball.exports.ports.source import KernelSource, Type, fields_of, is_struct, source_of
 from fitball.exports.ports.translate import translated
 from fitball.models.kernels.batch import OUTPUTS
 from fitball.models.kernels.contact import FLAG_CHOICES, Flags
@@ -48,16 +49,28 @@ MOST_PHASES = 17
 LONGEST_CONSTANT = 40
 # Names of constants that files have besides those of surfaces and balls.
 TAKEN_CONSTANTS = ("SELF_TEST",)
+# Types of arguments and results of the functions that a port offers.
+OFFERED_TYPES = ("Parameters", "Rebound", "Vector", "Rebound3", "Plane", "Flight")
 # Punctuation that has no meaning in a comment of any language.
 HARMLESS = " .,:;_-+=()[]%'/&^×±"
 # Languages that are translated to; Python gets the kernels' own text.
-_DIALECTS: dict[str, Dialect] = {"c": C, "csharp": CSHARP, "javascript": JAVASCRIPT}
+_DIALECTS: dict[str, Dialect] = {
+    "c": C,
+    "csharp": CSHARP,
+    "javascript": JAVASCRIPT,
+    "esm": JAVASCRIPT,
+    "types": JAVASCRIPT,
+    "gdscript": GDSCRIPT,
+}
 # The file of each language.
 FILES = {
     "c": "bounce.h",
     "csharp": "Bounce.cs",
     "javascript": "bounce.js",
+    "esm": "bounce.mjs",
+    "types": "bounce.d.mts",
     "python": "bounce.py",
+    "gdscript": "bounce.gd",
     "golden": "golden.csv",
 }
 
@@ -129,25 +142,30 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
     if language == "golden":
         return _golden_table(sets, golden)
     dialect = _DIALECTS.get(language)
-    margin = "# " if language == "python" else " * "
+    margin = "# " if language in ("python", "gdscript") else " * "
     source = _source(sets, front, calls, golden, dialect)
     names = _names([parameters.label for parameters in sets])
     if dialect is None:
         _check_translation(_source(sets, front, calls, golden, C))
         structs = [python.struct_text(kind) for kind in source.compounds]
-        functions = [python.function_text(source, name) for name in source.functions]
+        texts = {name: python.function_text(source, name) for name in source.functions}
         constants = [python.constant_text(name, value) for name, value in source.constants.items()]
     else:
         structs = [dialect.definition(kind) for kind in source.compounds]
-        functions = [translated(source, name, dialect) for name in source.functions]
+        if language == "types":
+            structs = [interface(kind) for kind in source.compounds if is_struct(kind)]
+        texts = {name: translated(source, name, dialect) for name in source.functions}
         constants = [dialect.constant_of(name, value) for name, value in source.constants.items()]
+    # How it is said that a ball moves away differs from language to language.
+    kin = "javascript" if dialect is JAVASCRIPT else language
+    texts["leaving_"] = _template(f"leaving.{kin}")
     sections = {
         "head": _indented(margin, _head(sets, names)),
         "licence": _indented(margin, _template("licence.txt").splitlines()),
         "structs": "\n".join(filter(None, structs)),
         "constants": "\n".join(constants),
         "tolerance": repr(TOLERANCE),
-        "functions": "\n\n".join(functions),
+        "functions": "\n\n".join(texts.values()),
         "impacts": str(source.constants["IMPACTS_"]),
     }
 
@@ -188,20 +206,33 @@ def _source(
     """The functions of a port with its numbers, for a dialect or, without one, for Python."""
     # Named tuples whose fields depend on the model.
     struct: Any = NamedTuple
-    columns = (*calls[0].columns, "v_y1_low", "v_y1_high")
+    columns = (*calls[0].columns, "v_y1_low", "v_y1_high", "measured")
     row_type = struct("Parameters", [(name, float) for name in columns])
     choices = struct("Choices", [(name, int) for name, _ in FLAG_CHOICES])
     flags = calls[0].flags
     numbers = []
     for k, rows in enumerate(golden):
         numbers += [[float(k), *np.nan_to_num(row).tolist()] for row in rows]
+    ranges = list[Range]()
+    faces = list[Face]()
+    levels = list[tuple[float, ...]]()
+    for parameters, call in zip(sets, calls, strict=True):
+        place = -1.0
+        impacts = parameters.impacts
+        if impacts is not None and parameters.model.tangential:
+            place = float(len(ranges))
+            measured, its = range_of(impacts, parameters.values["ball_radius"], len(faces))
+            ranges.append(measured)
+            faces += its
+        low, high = widened(*parameters.measured) if parameters.measured else (0.0, 0.0)
+        levels.append(row_type(*call.row, low, high, place))
     constants = {
         "SOLVED": front.answer,
         "FLAGS": choices(*flags),
-        "LEVELS": [
-            row_type(*call.row, *(parameters.measured or (0.0, 0.0)))
-            for parameters, call in zip(sets, calls, strict=True)
-        ],
+        "LEVELS": levels,
+        # A list has a type by its first item; without measured impacts none is read.
+        "RANGES": ranges or [Range(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, False)],
+        "FACES": faces or [Face(*[0.0] * len(Face._fields))],
         "GOLDEN": list(chain.from_iterable(numbers)),
         "IMPACTS": len(numbers),
         "GRIP_ONLY": int(front.grip_only(flags)),
@@ -214,7 +245,7 @@ def _source(
         Number: float,
     }
     helpers = python.HELPERS if dialect is None else dialect.helpers
-    functions = (offered.rebound, offered.rebound_3d, offered.self_test)
+    functions = (offered.rebound, offered.rebound_3d, flight.step, selftest.self_test)
     return source_of(functions, constants, types, helpers)
 
 
@@ -286,6 +317,18 @@ def source_text(text: str) -> str:
     return "".join(
         char if char.isalnum() or char in HARMLESS else f"U+{ord(char):04X}" for char in text
     )
+
+
+def interface(kind: Type) -> str:
+    """The type of a struct in TypeScript; empty for those that are no argument or result."""
+    if kind.__name__ not in OFFERED_TYPES:
+        return ""
+    names: dict[Type, str] = {float: "number", int: "number", bool: "boolean"}
+    fields = [
+        f"    {name}: {names.get(of_field) or of_field.__name__};"
+        for name, of_field in fields_of(kind).items()
+    ]
+    return "\n".join([f"export interface {kind.__name__} {{", *fields, "}"])
 
 
 @cache

@@ -54,8 +54,9 @@ def translated(source: KernelSource, name: str, dialect: Dialect) -> str:
     function = source.functions[name]
     kinds, result = source.signatures[name]
     parameters = [argument.arg for argument in function.args.args]
-    variables = sorted(walk.kinds.keys() - set(parameters))
-    lines = [f"{dialect.local(walk.kinds[variable], variable)};" for variable in variables]
+    variables = sorted(walk.kinds.keys() - set(parameters) - walk.declared_by_loops())
+    stop = dialect.stop
+    lines = [f"{dialect.local(walk.kinds[variable], variable)}{stop}" for variable in variables]
     if dialect.unread:
         unread = [parameter for parameter in parameters if parameter not in walk.read]
         lines += [dialect.unread.format(dialect.name(parameter)) for parameter in unread]
@@ -67,12 +68,15 @@ def translated(source: KernelSource, name: str, dialect: Dialect) -> str:
     summary = (ast.get_docstring(function) or "").split("\n\n")[0]
     comment = " ".join(summary.split()).replace("*/", "* /")
     head = dialect.head.format(
-        comment="\n   ".join(wrap(comment, 110)),
+        comment=f"\n{dialect.margin}".join(wrap(comment, 110)),
         declared=dialect.declared(result, dialect.function(name)),
         taken=", ".join(declared) or dialect.nothing,
         offered="" if name.endswith("_") else dialect.offered,
+        how=dialect.expanded if name in source.expanded else dialect.called,
     )
-    return "\n".join([head, *(f"    {line}" for line in lines), "}"])
+    if dialect.empty and not lines:
+        lines = [dialect.empty]
+    return "\n".join([head, *(f"    {line}" for line in lines), dialect.block_end]).rstrip()
 
 
 def _simple(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
@@ -232,8 +236,12 @@ class _Walk:
                     return f"({'!' if kind is bool else '-'}{text})", kind
             case ast.IfExp(test=test, body=yes, orelse=no):
                 kind = self.joined(self.code(yes)[1], self.code(no)[1], node)
-                condition = self.fitted(test, bool)
-                return f"({condition} ? {self.fitted(yes, kind)} : {self.fitted(no, kind)})", kind
+                text = self.dialect.choice.format(
+                    test=self.fitted(test, bool),
+                    yes=self.fitted(yes, kind),
+                    no=self.fitted(no, kind),
+                )
+                return text, kind
             case ast.Attribute() | ast.Subscript():
                 return self.field(node)
             case ast.Call():
@@ -360,19 +368,21 @@ class _Walk:
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 if name not in self.read:
                     return []
-                return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])};"]
+                return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])}{d.stop}"]
             case ast.Return(value=ast.Tuple(elts=values)) if origin_of(self.result) is tuple:
                 texts = self.texts(values, get_args(self.result), node)
-                return [f"return {d.make(self.result, texts)};"]
+                return [f"return {d.make(self.result, texts)}{d.stop}"]
             case ast.Return(value=ast.expr() as value):
-                return [f"return {self.fitted(value, self.result)};"]
+                return [f"return {self.fitted(value, self.result)}{d.stop}"]
             case ast.Break() | ast.Continue():
-                return [f"{ast.unparse(node)};"]
+                return [f"{ast.unparse(node)}{d.stop}"]
             case ast.If(test=test, body=body, orelse=other):
-                more = ["} else {", *self.inner(other)] if other else []
-                return [f"if ({self.fitted(test, bool)}) {{", *self.inner(body), *more, "}"]
+                more = [d.block_else.format(), *self.inner(other)] if other else []
+                begin = d.block_if.format(self.fitted(test, bool))
+                return [begin, *self.inner(body), *more, *self.end()]
             case ast.While(test=test, body=body):
-                return [f"while ({self.fitted(test, bool)}) {{", *self.inner(body), "}"]
+                begin = d.block_while.format(self.fitted(test, bool))
+                return [begin, *self.inner(body), *self.end()]
             case ast.For(
                 target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id="range"), args=bounds)
             ) if len(bounds) <= 2:
@@ -382,15 +392,24 @@ class _Walk:
                 if _names(bounds) & stored or name in stored:
                     raise _refused(node)
                 first, end = ["0", *(self.fitted(bound, int) for bound in bounds)][-2:]
-                k = d.name(name)
-                return [
-                    f"for ({k} = {first}; {k} < {end}; {k} = {k} + 1) {{",
-                    *self.inner(node.body),
-                    "}",
-                ]
+                begin = d.block_for.format(k=d.name(name), first=first, end=end)
+                return [begin, *self.inner(node.body), *self.end()]
         raise _refused(node)
 
     def inner(self, body: Iterable[ast.stmt]) -> list[str]:
         """The lines of a block, indented."""
         lines = [line for statement in body for line in self.statement(statement)]
+        if self.dialect.empty and not lines:
+            lines = [self.dialect.empty]
         return [f"    {line}" for line in lines]
+
+    def end(self) -> list[str]:
+        """The line that ends a block, if there is one."""
+        return [self.dialect.block_end] if self.dialect.block_end else []
+
+    def declared_by_loops(self) -> set[str]:
+        """The variables that loops declare."""
+        if not self.dialect.loop_declares:
+            return set()
+        loops = (node for node in self.nodes() if isinstance(node, ast.For))
+        return {ast.unparse(loop.target) for loop in loops}

@@ -2,7 +2,7 @@
 const RPM = 30 / Math.PI, DEG = 180 / Math.PI, SVG = "http://www.w3.org/2000/svg", POINTS = 160;
 const place = name => document.getElementById(name);
 // The sets of the port in their order: its other members are functions.
-const levels = Object.values(Bounce).filter(one => typeof one === "object");
+const levels = Object.values(Bounce).filter(one => one && typeof one === "object");
 const names = Object.keys(settings.sliders);
 let level = 0, state = {}, start = {};
 

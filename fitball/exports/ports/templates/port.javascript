@@ -9,11 +9,13 @@
 const Bounce = (function () {
     "use strict";
 
+    const offered = { warn: console.warn };
+
     @constants@
 
     @functions@
 
-    const offered = { rebound, rebound_3d, self_test };
+    Object.assign(offered, { rebound, rebound_3d, step, self_test });
     offered.@name@ = LEVELS_[@place@];
     return offered;
 })();
