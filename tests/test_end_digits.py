@@ -8,7 +8,8 @@ from arviz_stats.base.array import array_stats
 from scipy.stats import expon, norm
 
 import fitball
-from fitball.base.numbers import Unit
+from fitball.base.numbers import FEWEST_DRAWS, Unit, errors_of_ends
+from fitball.inference.effort import TARGET_ESS
 from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.summary import end_errors
 from fitball.report import fit_words
@@ -85,6 +86,37 @@ def test_without_errors_digits_are_those_of_the_width():
     assert Unit("").interval(15.2, 563.0) == "[15, 560]"
     assert Unit("").interval(15.2, 563.0, 0.8, 40.0) == "[15, 600]"
     assert Unit("").interval(15.2, 563.0, 3.0, 4.0) == "[20, 560]"
+
+
+@pytest.mark.parametrize("draws", [200.0, 1000.0, 4000.0])
+def test_intervals_without_draws_at_hand_have_the_errors_of_a_normal_one(draws):
+    """The asymptotic sd of a quantile of S draws is sqrt(p (1 - p)/S) over the density there."""
+    law = norm(3.0, 2.0)
+    errors = errors_of_ends(*law.ppf([0.5, 0.025, 0.975]), draws)
+    expected = np.sqrt(0.025 * 0.975 / draws) / law.pdf(law.ppf(0.025))
+    assert errors == pytest.approx((expected, expected), rel=0.01)
+    # Sampling ends at no fewer.
+    assert FEWEST_DRAWS <= TARGET_ESS
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        sd = 10.0 ** rng.uniform(-3.0, 2.0)
+        middle = rng.normal(0.0, 3.0) * sd
+        low, high = middle - 1.96 * sd, middle + 1.96 * sd
+        value, interval = Unit("").with_interval(middle, low, high, draws).split(" ", 1)
+        for text in interval.strip("[]").split(", "):
+            assert finest(text) >= 1.36 * 1.96 * sd / np.sqrt(draws) or float(text) == 0.0
+            # A median has no decimal less than the ends.
+            assert len(value.partition(".")[2]) >= len(text.partition(".")[2])
+
+
+def test_a_median_near_to_zero_has_the_digits_that_its_end_needs():
+    unit = Unit("")
+    assert unit.with_interval(0.31, 0.0203, 30.0, 1e9) == "0.31 [0.020, 30]"
+    assert unit.with_interval(3.12, 0.0203, 30.0, 1e9) == "3 [0.020, 30]"
+    # Beside two intervals it has the digits of the narrower one.
+    assert unit.median(10.743, (10.07, 11.42), (9.5, 12.1)) == "10.74"
+    assert unit.median(10.743, (9.5, 12.1), (10.07, 11.42)) == "10.74"
+    assert unit.median(10.743, (np.nan, np.nan)) == "10.74"
 
 
 def test_effective_sizes_of_tails_are_those_of_the_printed_ends():

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from fitball.base.errors import Note
+from fitball.base.numbers import FEWEST_DRAWS, Unit
 from fitball.base.priors import ParameterSpec
 from fitball.base.text import listed
 from fitball.base.values import FloatArray, IntArray
@@ -177,7 +178,7 @@ def doubts_of(problem: Problem, modes: Sequence[Mode]) -> dict[str, str]:
     specs = _specs(problem)
     doubts = {}
     for name in differing(modes):
-        values = [f"{_value(specs[name], mode.summaries[name])} ({share(mode)})" for mode in modes]
+        values = [f"{_value(specs[name], mode, name)} ({share(mode)})" for mode in modes]
         doubts[name] = f"But the posterior has {len(modes)} solutions: {', '.join(values)}."
     return doubts
 
@@ -197,8 +198,7 @@ def notes_of(problem: Problem, modes: Sequence[Mode]) -> Iterator[Note]:
     physical = [name for name in differing(modes) if base_of(name) not in COMMON_PARAMETERS]
     for k, mode in enumerate(modes, 1):
         values = [
-            f"{name} {_value(specs[name], mode.summaries[name])}"
-            for name in physical[:NAMED_QUANTITIES]
+            f"{name} {_value(specs[name], mode, name)}" for name in physical[:NAMED_QUANTITIES]
         ]
         named = f": {listed(values)}" if values else ""
         yield Note("modes", f"Solution {k}, {share(mode)} of the posterior{named}.")
@@ -215,7 +215,14 @@ def _specs(problem: Problem) -> dict[str, ParameterSpec]:
     return specs | {quantity.spec.name: quantity.spec for quantity in problem.derived}
 
 
-def _value(spec: ParameterSpec, summary: Summary) -> str:
-    """The median and the 95 % interval of a quantity, as text."""
+def _value(spec: ParameterSpec, mode: Mode, name: str) -> str:
+    """The median and the 95 % interval of a quantity in a mode, as text."""
     unit = spec.display_unit
-    return unit.with_unit(unit.with_interval(summary.median, summary.q025, summary.q975))
+    return unit.with_unit(value_in_mode(unit, mode, name))
+
+
+def value_in_mode(unit: Unit, mode: Mode, name: str) -> str:
+    """`0.96 [0.82, 1.21]` of a quantity in a mode, which has its share of the effective draws."""
+    summary = mode.summaries[name]
+    draws = mode.share * FEWEST_DRAWS
+    return unit.with_interval(summary.median, summary.q025, summary.q975, draws)
