@@ -23,6 +23,7 @@ from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
 from fitball.inference.judgement.profile import profiles
 from fitball.inference.judgement.verdict import judge, qualify
+from fitball.inference.judgement.weights import outvoted
 from fitball.inference.modes import (
     doubts_of,
     modes_of,
@@ -106,17 +107,17 @@ def _calibrate(
         modes = modes_of(problem, point, posterior, draws, parts)
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
         rests = what_values_rest_on(tried, _sure(problem, held), fitted)
-        judged = qualify(within, tested, rests, bounds.doubts() | doubts_of(problem, modes))
+        doubts = outvoted(tried, fitted) | bounds.doubts() | doubts_of(problem, modes)
+        judged = qualify(within, tested, rests, doubts)
         squares = least_squares(problem, point)
         parameters, following = estimates(problem, draws, judged)
         reported = [*parameters.values(), *following.values()]
-        further = [*notes_of(problem, modes), *bounds.notes(problem)]
-        further += notes_of_best_outside(reported)
+        more = [*notes_of(problem, modes), *bounds.notes(problem), *notes_of_best_outside(reported)]
     return Fitted(
         run=run_of(problem, effort),
         status=_status(diagnostics),
         headline=headline(tested, reported, modes),
-        notes=(*problem.table.notices, *problem.notes, *_no_profiles(why), *further),
+        notes=(*problem.table.notices, *problem.notes, *_no_profiles(why), *more),
         parameters=parameters,
         derived=following,
         point=point,

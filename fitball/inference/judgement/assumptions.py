@@ -18,6 +18,7 @@ from fitball.inference.density import cell_log_density, cell_slopes, log_posteri
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
 from fitball.inference.judgement.laws import values_under
+from fitball.inference.judgement.weights import counts
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem, base_of
@@ -377,9 +378,9 @@ def what_values_rest_on(
     """For each quantity the choices and constants that it rests on, the strongest first.
 
     These are choices that move its median, or an end of its 95 % interval outwards, by 2 sds, of a
-    slope of restitution laws that move it by 1 sd, unless they fit surely worse, and constants that
-    move it by 1 sd over half of their range. Where a choice could not be tried all quantities rest
-    on the `model`.
+    slope of restitution laws that move it by 1 sd, unless they fit surely worse or are improbable
+    beside the fit, and constants that move it by 1 sd over half of their range. Where a choice
+    could not be tried all quantities rest on the `model`.
     """
     moves = [
         (abs(shift), name, constant.name)
@@ -388,7 +389,7 @@ def what_values_rest_on(
         if abs(shift) > SHIFT_BY_CONSTANT
     ]
     for alternative in tried:
-        if not alternative.as_good:
+        if not (alternative.as_good and counts(alternative)):
             continue
         for name in fit.keys() & alternative.summaries.keys():
             here = fit[name]

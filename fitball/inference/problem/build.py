@@ -324,13 +324,15 @@ def _observables(table: ImpactTable, model: Model, notes: list[Note]) -> tuple[O
         text = "No motion along the court was measured: only the vertical one is fitted."
         notes.append(Note("vertical-only", text))
     elif "omega_1" not in table.values:
-        held = "" if table.has_spin or table.has_times else ", and offsets are held at 0"
-        measured = "incident spin" if table.has_spin else "spin"
-        text = (
-            f"No {measured} was measured: each incident spin is unknown, 0 ± "
-            f"{UNKNOWN_SPIN_SD:.0f} rad/s{held}. Of balls without spin state a column omega_1 = 0."
-        )
-        notes.append(Note("no-incident-spin" if table.has_spin else "no-spin", text))
+        unknown = f"each incident spin is unknown, 0 ± {UNKNOWN_SPIN_SD:.0f} rad/s"
+        still = "Of balls without spin state a column omega_1 = 0."
+        if table.has_spin:
+            text = f"No incident spin was measured: {unknown}. {still}"
+            notes.append(Note("no-incident-spin", text))
+        else:
+            held = "" if table.has_times else ", and offsets are held at 0"
+            text = f"No spin was measured: {unknown}{held}. {still}"
+            notes.append(Note("no-spin", text))
     observables = []
     for column in (COLUMNS[name] for name in REBOUND if name in table.values):
         if not model.predicts(column):
