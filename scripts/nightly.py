@@ -59,7 +59,7 @@ COMMANDS = {
         "-P scripts/docs.py --run",
         "-P -m pytest -q -p no:cacheprovider tests/test_examples.py",
     ],
-    "foreign": ["scripts/validation/foreign.py WORK"],
+    "foreign": ["scripts/validation/foreign.py WORK --tables 160"],
     "remedies": ["-P scripts/remedies.py"],
     "hostile": ["-P scripts/hostile.py", "-P scripts/hostile.py --control"],
     "studies": [

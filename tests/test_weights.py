@@ -21,8 +21,8 @@ def summary(median, sd=1.0):
     return Summary(median, median, sd, *ends.tolist())
 
 
-def variant(score, error=1.0, choice="a=2", reason="", **values):
-    return Alternative(choice, "a=1", "", {}, values, score, error, True, reason)
+def variant(score, error=1.0, choice="a=2", reason="", better=False, **values):
+    return Alternative(choice, "a=1", "", {}, values, score, error, True, reason, better)
 
 
 @pytest.mark.parametrize("score", [-8.0, -2.0, 0.0, 1.0, 6.0])
@@ -79,3 +79,10 @@ def test_a_value_that_most_of_the_weight_puts_elsewhere_is_doubted():
     assert outvoted([variant(None, reason="no answer")], fit) == {}
     far_better = [variant(1e4, choice=f"n{k}=2", **far) for k in range(3)]
     assert {*outvoted(far_better, fit)} == {"mu"}
+
+
+def test_a_better_variant_casts_doubt_as_a_pattern_does():
+    fit = {"mu": summary(0.0), "e_x": summary(0.0)}
+    moved = {"mu": summary(1.4), "e_x": summary(-0.9)}
+    assert {*outvoted([variant(10.0, 4.0, better=True, **moved)], fit)} == {"mu"}
+    assert outvoted([variant(3.0, 4.0, **moved)], fit) == {}

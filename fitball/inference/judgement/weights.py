@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from math import erfc, exp, log, pi, sqrt
 
 from fitball.base.text import listed
+from fitball.inference.judgement.bounds import CONDITIONAL_SHIFT
 from fitball.inference.schema import Alternative, Summary
 
 # Weight of a variant beside the fit below which no value rests on it: wherever it puts the value, a
@@ -62,28 +63,36 @@ def outvoted(
     tried: Sequence[Alternative],
     fit: Mapping[str, Summary],
 ) -> dict[str, str]:
-    """For each quantity that variants with more than MOST_OUTSIDE of the weight put outside of the
-    95 % interval of the fit, a sentence that says so. Before their scores the fit counts as much as
-    all variants together.
+    """For each quantity a sentence on what denies its value, if anything does: a surely better
+    variant that moves it by CONDITIONAL_SHIFT, or variants with more than MOST_OUTSIDE of the
+    weight, which put it outside of the 95 % interval of the fit. Before their scores the fit counts
+    as much as all variants together.
     """
     doubts = {}
     for name, here in fit.items():
         odds = dict[str, float]()
         outside = dict[str, float]()
+        better = list[str]()
         for alternative in tried:
-            if name in alternative.summaries and not alternative.reason:
-                odds[alternative.choice] = log_odds(alternative)
-                outside[alternative.choice] = share_outside(here, alternative.summaries[name])
+            if name not in alternative.summaries or alternative.reason:
+                continue
+            there = alternative.summaries[name]
+            odds[alternative.choice] = log_odds(alternative)
+            outside[alternative.choice] = share_outside(here, there)
+            moved = abs(there.median - here.median) > CONDITIONAL_SHIFT * here.half
+            if alternative.better and moved:
+                better.append(alternative.choice)
         highest = max([0.0, *odds.values()])
         weights = {choice: exp(odd - highest) / len(odds) for choice, odd in odds.items()}
         whole = exp(-highest) + sum(weights.values())
         parts = {choice: weights[choice] * outside[choice] / whole for choice in odds}
         total = sum(parts.values())
-        if total <= MOST_OUTSIDE:
-            continue
-        named = list[str]()
-        for choice in sorted(parts, key=lambda choice: -parts[choice]):
-            if sum(parts[other] for other in named) < _NAMED_SHARE * total:
-                named.append(choice)
-        doubts[name] = f"But {listed(named)} predict as well, or better, and put it elsewhere."
+        if better:
+            doubts[name] = f"But {listed(better)} predict better and move it."
+        elif total > MOST_OUTSIDE:
+            named = list[str]()
+            for choice in sorted(parts, key=lambda choice: -parts[choice]):
+                if sum(parts[other] for other in named) < _NAMED_SHARE * total:
+                    named.append(choice)
+            doubts[name] = f"But {listed(named)} predict as well, or better, and put it elsewhere."
     return doubts
