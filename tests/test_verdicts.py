@@ -322,6 +322,8 @@ def test_adequacy_and_assumptions_qualify_what_is_determined():
         "k_y": ("given", ("contact_time", "spin=mean")),
     }
     assert answers_after(adequacy(), rests) == plain | changed
+    denied = answers_after(adequacy(), rests, {}, {"mu": "But offset=grip moves it."})
+    assert denied == plain | changed | {"mu": ("conditional", ("offset=contact",))}
     untested = answers_after(adequacy("undecided"), rests)
     assert untested["mu"] == ("given", ("offset=contact", "model"))
     assert untested["pace"] == ("given", ("model",))

@@ -107,8 +107,8 @@ def _calibrate(
         modes = modes_of(problem, point, posterior, draws, parts)
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
         rests = what_values_rest_on(tried, _sure(problem, held), fitted)
-        doubts = outvoted(tried, fitted) | bounds.doubts() | doubts_of(problem, modes)
-        judged = qualify(within, tested, rests, doubts)
+        doubts = bounds.doubts() | doubts_of(problem, modes)
+        judged = qualify(within, tested, rests, doubts, outvoted(tried, fitted))
         squares = least_squares(problem, point)
         parameters, following = estimates(problem, draws, judged)
         reported = [*parameters.values(), *following.values()]

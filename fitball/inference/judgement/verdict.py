@@ -472,10 +472,12 @@ def qualify(
     tested: Adequacy,
     rests: Mapping[str, tuple[str, ...]],
     doubts: Mapping[str, str] = NO_DOUBTS,
+    denied: Mapping[str, str] = NO_DOUBTS,
 ) -> dict[str, Judgement]:
     """The final judgements: those `within` the model, `conditional` where the model fails, a
     pattern in the residuals moves a value by its sd, or there are other `doubts` (sentences by
-    name), and `given` all that it rests on, with the `model` where that could not be tested.
+    name), and `given` all that it rests on, with the `model` where that could not be tested. What
+    variants have `denied` (sentences by name) is `conditional`, and rests on as much.
     """
     from msgspec.structs import replace
 
@@ -497,7 +499,11 @@ def qualify(
         assumptions = [*judgement.given, *rests.get(name, ())]
         if tested.answer == "undecided":
             assumptions.append(UNTESTED_MODEL)
-        verdict = "given" if assumptions else "identified"
         unique = tuple(dict.fromkeys(assumptions))
-        final[name] = replace(judgement, verdict=verdict, given=unique)
+        if name in denied:
+            reason = f"{judgement.reason} {denied[name]}"
+            final[name] = replace(judgement, verdict="conditional", reason=reason, given=unique)
+        else:
+            verdict = "given" if unique else "identified"
+            final[name] = replace(judgement, verdict=verdict, given=unique)
     return final
