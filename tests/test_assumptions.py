@@ -18,11 +18,11 @@ from fitball.inference.derived import Quantity
 from fitball.inference.judgement import assumptions as module
 from fitball.inference.judgement.assumptions import (
     alternatives,
-    leave_one_out_density,
     what_values_rest_on,
 )
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import first_order, proposal
+from fitball.inference.judgement.variants import leave_one_out_density
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.importance import importance

@@ -3,6 +3,7 @@ obeyed.
 """
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -338,3 +339,11 @@ def test_works_are_those_of_model_sampler_and_data(fit, point):
         assert opened == closed
     assert "VERSION" not in of_lab_a
     assert "3.0" in of_lab_a
+
+
+def test_a_move_at_the_limit_is_said_with_its_error(fit):
+    assert fit_words.moves_at_limit(fit) == []
+    first, *others = fit.alternatives
+    unsure = replace(first, unsure={"mu": (1.98, 0.062)})
+    (text,) = fit_words.moves_at_limit(SimpleNamespace(alternatives=(unsure, *others)))
+    assert f"{first.choice} moves mu by 1.98 ± 0.06 sd" in text

@@ -97,15 +97,15 @@ def _calibrate(
         optima = np.stack([problem.coordinates(values) for values in point.optima])
         profiled, why = profiles(problem, optima)
         tested = adequacy(problem, point, first, derived)
-    with stage("trying assumptions"):
-        # The same random numbers whatever the seed: verdicts rest on them.
-        tried, fitted = alternatives(problem, point, Effort().stream("assumptions"))
-        held = constants(problem, first, derived)
-    with stage("judging"):
         bounds = at_bounds(problem, point, first, derived)
         draws = draws_of(problem, point, posterior, effort)
-        modes = modes_of(problem, point, posterior, draws, parts)
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
+    with stage("trying assumptions"):
+        # The same random numbers whatever the seed: verdicts rest on them.
+        tried, fitted = alternatives(problem, point, Effort().stream("assumptions"), within)
+        held = constants(problem, first, derived)
+    with stage("judging"):
+        modes = modes_of(problem, point, posterior, draws, parts)
         rests = what_values_rest_on(tried, _sure(problem, held), fitted)
         doubts = bounds.doubts() | doubts_of(problem, modes)
         judged = qualify(within, tested, rests, doubts, outvoted(tried, fitted))

@@ -36,6 +36,8 @@ def learnt(problem: Problem, draws: Annotated[FloatArray, "draws coordinates"]) 
     if errors is None or not errors.axes.any():
         return exact
     used = np.flatnonzero([name not in exact.noises for name in exact.free])
+    if len(draws) <= DRAWS_A_COORDINATE * len(used):
+        return exact
     q = draws[evenly_spread(len(draws), TEACHING_DRAWS)]
     values = exact.values(q)
     blocks = []
@@ -72,3 +74,27 @@ def unlearnt(problem: Problem) -> Problem:
     if problem.rows.learnt is None:
         return problem
     return replace(problem, rows=replace(problem.rows, learnt=None))
+
+
+def with_offsets_of(
+    problem: Problem,
+    law: Problem,
+    x: Annotated[FloatArray, "coordinates"],
+) -> Problem:
+    """A variant of a problem with the offsets that the learnt `law` of another has at coordinates
+    `x`, whatever the variant's own: good enough to look where its maximum is. The rows of both are
+    the same. It is the variant itself where nothing was learnt.
+    """
+    learnt_offsets = law.rows.learnt
+    if learnt_offsets is None:
+        return problem
+    nothing = np.empty(0)
+    offsets = LearntOffsets(
+        np.empty(0, dtype=np.int64),
+        nothing,
+        nothing,
+        nothing,
+        learnt_offsets.offsets(x[None])[0],
+        np.empty((0, *learnt_offsets.at_centre.shape)),
+    )
+    return replace(problem, rows=replace(problem.rows, learnt=offsets))

@@ -205,7 +205,8 @@ class Alternative(Struct, frozen=True):
     """The fit with a `choice` (offset=grip, noise=student-t) `instead_of` another: `model` and
     `values` predict by it. `score` is its leave-one-out score less the fit's (None below 6
     impacts), with standard `error`; `as_good` means not surely worse, `better` surely better. Where
-    the choice could not be tried, the `reason` says why.
+    the choice could not be tried, the `reason` says why. `unsure` has quantities whose move lies
+    at the limit, for all that draws say: the move and its Monte Carlo error, in sds of the fit.
     """
 
     choice: str
@@ -218,6 +219,7 @@ class Alternative(Struct, frozen=True):
     as_good: bool
     reason: str = ""
     better: bool = False
+    unsure: Mapping[str, tuple[float, float]] = {}
 
 
 class Constant(Struct, frozen=True):

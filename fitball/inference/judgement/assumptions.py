@@ -5,39 +5,45 @@ to first order.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from fitball.base.errors import FitballError, FitError
 from fitball.base.numbers import fixed
-from fitball.base.selection import evenly_spread, systematic
+from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
-from fitball.inference.density import cell_log_density, cell_slopes, log_posterior
+from fitball.inference.density import log_posterior
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
 from fitball.inference.judgement.laws import values_under
+from fitball.inference.judgement.variant_draws import (
+    Drawn,
+    Weighed,
+    corrected,
+    first_draws,
+    more_draws,
+    weighed,
+)
+from fitball.inference.judgement.variants import (
+    FittedVariant,
+    ScoreGap,
+    draws_about,
+    fit_variant,
+    score_gap,
+)
 from fitball.inference.judgement.weights import counts
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem, base_of
-from fitball.inference.sampling.importance import RELIABLE_K, Student, importance, pareto_smoothed
-from fitball.inference.schema import Alternative, Constant, PointFit, Summary
+from fitball.inference.sampling.importance import RELIABLE_K
+from fitball.inference.schema import Alternative, Constant, Judgement, PointFit, Summary
 from fitball.inference.search.best_fit import raise_friction
-from fitball.inference.search.objective import Objective, descend
-from fitball.inference.summary import summarise
 from fitball.models.model import Model
 from fitball.models.registry import LAW_CHOICE, option_variants
 from fitball.models.registry import model as model_of
 
-# Impacts from which a difference of scores is used: of fewer its standard error is poorly known (of
-# five to a third of itself). Chosen by hand.
-LEAST_SCORED_IMPACTS = 6
-# Standard errors by which a score is lower that is surely worse, or higher that is surely better.
-WORSE_BY_ERRORS = 2.0
-# Amount by which it is: on few observations the standard error is too small (Sivula et al. 2020).
-WORSE_BY_SCORE = 4.0
 # Sds by which a value moves that rests on a choice: then a 95 % interval misses the other value.
 SHIFT_BY_CHOICE = 2.0
 # Sds by which the median of a slope of restitution moves that rests on the law: laws differ in
@@ -54,46 +60,40 @@ FOLLOWED_OPTIMA = 2
 # Quantiles of the priors of what is new in an alternative, from which it is searched: the median
 # and one sd to either side.
 NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
-# Gain promised by a step from which first searches end: they show where to look further.
-ROUGH_GAIN = 1e-2
-# Gain promised by a step from which last searches end: far below WORSE_BY_SCORE.
-FINE_GAIN = 1e-4
-# Draws about the best of the first searches at which the density is looked at: some lie beyond the
-# kinks that stop a search. How many is chosen by hand.
-DRAWS_AROUND = 300
-# The highest of these draws, from which is searched again. How many is chosen by hand.
-SEARCHES_AGAIN = 3
 # Draws at which the density is compared to see whether a choice acts at all: one that acts at none
 # of them is not tried. How many is chosen by hand.
 PROBE_DRAWS = 20
-# Effective draws of an alternative. Of a normal distribution they give the median to 0.05 sds, and
-# the ends of a 95 % interval to 0.1.
+# Effective draws of an alternative at first. Of a normal distribution they give the median to 0.05
+# sds, and the ends of a 95 % interval to 0.1.
 EFFECTIVE_DRAWS = 700.0
-# Draws of equal weight by which an alternative is summarised: more than are effective, so that
-# resampling adds less to the error than the draws have.
-RESAMPLED_DRAWS = 1000
+# Effective draws of the fit, with which all alternatives are compared, and where a move is not
+# surely above or below the limit.
+EFFECTIVE_OF_FIT = 2_000.0
+EFFECTIVE_WHERE_UNSURE = 10_000.0
+# Effective draws of an alternative at most, and bounces for them: a long table has fewer draws.
+MOST_EFFECTIVE = 20_000.0
+MOST_BOUNCES = 1e6
+# Factor by which there are more draws where a move is not surely above or below the limit.
+MORE_DRAWS = 3.0
+# Monte Carlo errors from the limit beyond which a move is surely above or below it.
+SURE_BY_ERRORS = 3.0
+# Monte Carlo error of a move, in sds, below which it is known well: a fortieth of the limit.
+MOVE_ERROR = 0.05
 # What all values rest on where a choice could not be tried.
 UNTRIED_MODEL = "model"
-
-
-class FittedVariant(NamedTuple):
-    """A fitted variant of a problem: its maximum `best` (coordinates,), a proposal about that, and
-    as `scores` the log predictive density (impacts,) of each impact from the others.
-    """
-
-    problem: Problem
-    best: FloatArray
-    about: Student
-    scores: FloatArray
+# Where quantities were not judged.
+NONE_JUDGED: Mapping[str, Judgement] = {}
 
 
 def alternatives(
     problem: Problem,
     point: PointFit,
     rng: np.random.Generator,
+    judged: Mapping[str, Judgement] = NONE_JUDGED,
 ) -> tuple[tuple[Alternative, ...], dict[str, Summary]]:
     """The fit with every single change that makes a difference, and by quantity the summaries of
-    the fit itself by the same weighted draws, for comparison.
+    the fit itself by weighted draws, for comparison. Where the move of a quantity that is `judged`
+    to be identified is near the limit there are more draws.
 
     Of more than ALTERNATIVE_ROWS so many rows, evenly spread, are used, on which the fit is made
     again. By how much an alternative lies beside that fit, and is wider, it does so of all rows.
@@ -112,10 +112,14 @@ def alternatives(
         wider = sd_of_all / np.linalg.norm(base.about.factor, axis=1)
     moves = np.stack([x - base.best, wider], axis=1)
     to_all = dict(zip(problem.free, moves, strict=True))
-    here = _compare("", "", base, base, to_all, rng)
-    probes = np.vstack([base.best, _draws_about(base.problem, base.about, rng, PROBE_DRAWS)])
+    most = max(EFFECTIVE_DRAWS, min(MOST_EFFECTIVE, MOST_BOUNCES / len(rows)))
+    identified = [name for name, found in judged.items() if found.verdict == "identified"]
+    fit = _Fit(base, to_all, {}, frozenset(identified), most)
+    drawn = _some_draws(base, rng, min(EFFECTIVE_OF_FIT, most))
+    fit = fit._replace(weighed=_weighed_draws(fit, base, drawn)[1])
+    probes = np.vstack([base.best, draws_about(base.problem, base.about, rng, PROBE_DRAWS)])
     density = log_posterior(base.problem, probes)
-    tried = []
+    tried = list[Alternative | _Variant]()
     changes = [*_single_changes(problem)]
     for choice, instead_of, choices, changed in changes:
         try:
@@ -134,15 +138,23 @@ def alternatives(
             starts = search_starts(posed, point)
             if name == LAW_CHOICE:
                 starts = _starts_of_law(option, posed, problem, point)
-            there = fit_variant(posed, starts, rng)
-            tried.append(_compare(choice, instead_of, base, there, to_all, rng))
+            there = fit_variant(posed, starts, rng, base)
+            tried.append(_first_look(choice, instead_of, fit, there, rng))
         except FitballError as error:
             tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
     # A law of restitution says nothing of the motion along the court, the noise nothing of either.
     if {choice.partition("=")[0] for choice, *_ in changes} <= {LAW_CHOICE, "noise"}:
         reason = "the model has no choices that could be changed"
         tried.append(_untried_alternative(UNTRIED_MODEL, model.text, model, reason))
-    return tuple(tried), dict(here.summaries)
+    variants = [variant for variant in tried if isinstance(variant, _Variant)]
+    if most > EFFECTIVE_OF_FIT and any(_unsure_moves(fit, variant) for variant in variants):
+        drawn = more_draws(base, drawn, rng, min(EFFECTIVE_WHERE_UNSURE, most))
+        fit = fit._replace(weighed=_weighed_draws(fit, base, drawn)[1])
+    compared = tuple(
+        _compare(fit, variant, rng) if isinstance(variant, _Variant) else variant
+        for variant in tried
+    )
+    return compared, {name: here.summary for name, here in fit.weighed.items()}
 
 
 def _untried_alternative(choice: str, instead_of: str, model: Model, reason: str) -> Alternative:
@@ -210,164 +222,167 @@ def _starts_of_law(law: str, posed: Problem, problem: Problem, point: PointFit) 
     return posed.coordinates(values)[None]
 
 
-def _draws_about(
-    problem: Problem, about: Student, rng: np.random.Generator, count: int
-) -> FloatArray:
-    """Draws (count, coordinates) about a maximum, moved to the bounds where they are beyond."""
-    prior = problem.prior
-    return np.clip(about.draw(rng, count), prior.low, prior.high)
-
-
-def fit_variant(problem: Problem, starts: FloatArray, rng: np.random.Generator) -> FittedVariant:
-    """The best fit of a variant. Kinks of the density stop a search: after searches from `starts`
-    (starts, coordinates) others begin at the best of many draws about what these reach.
-
-    Raises:
-        FitError: no search reaches parameters with an answer (`no-answer`).
-    """
-    x, cost, _ = descend(Objective(problem), starts, ROUGH_GAIN)
-    if not np.isfinite(cost.min()):
-        text = f"no search of {problem.forward.model.text} found parameters with an answer"
-        raise FitError(text, "no-answer")
-    best = x[np.argmin(cost)]
-    around = _draws_about(problem, proposal(problem, best), rng, DRAWS_AROUND)
-    order = np.argsort(-log_posterior(problem, around), kind="stable")
-    again = np.vstack([best, around[order[:SEARCHES_AGAIN]]])
-    x, cost, _ = descend(Objective(problem), again, FINE_GAIN)
-    best = x[np.argmin(cost)]
-    about = proposal(problem, best)
-    return FittedVariant(problem, best, about, leave_one_out_density(problem, about))
-
-
-def leave_one_out_density(
-    problem: Problem,
-    about: Student,
-) -> Annotated[FloatArray, "impacts"]:
-    """The log predictive density of each impact from all others, to first order about a maximum.
-
-    With slopes K of its residuals, gradient g of its log density and covariance C, without it the
-    covariance is D = C + C K (1 - K'CK)^-1 K'C and the maximum moves by -D g. Over that normal
-    distribution its density has the mean exp(-g'Dg/2) |1 - K'CK|^(1/2) of what it is at the maximum
-    of all.
-    """
-    x = about.centre[None]
-    noise = problem.forward.noise
-    measured = np.isfinite(problem.rows.y)
-    values = problem.values(x)
-    cell, rate = cell_slopes(problem, x)
-    residual, turn = noise.residual(cell.z, values)
-    of_centre, of_scale = noise.information(values)
-    rate_z = np.where(measured, rate.z[0], 0.0)
-    rate_scale = np.where(measured, rate.log_sd[0], 0.0)
-    gradient = -(rate_z * (residual * turn)[0] + rate_scale).sum(axis=2)
-    pull = about.factor.T @ gradient
-    # What a growing scale does to residuals is in its own information.
-    centre = np.sqrt(of_centre[0]) * (rate_z + rate_scale * cell.z[0])
-    scale = np.sqrt(of_scale[0]) * rate_scale
-    weighted = np.concatenate([centre, scale], axis=2)
-    weighted = np.tensordot(about.factor.T, weighted, 1)
-    leverage = np.einsum("fik,fil->ikl", weighted, weighted)
-    along = np.einsum("fik,fi->ik", weighted, pull)
-    without = np.eye(along.shape[1]) - leverage
-    further = np.linalg.solve(without, along[..., None])[..., 0]
-    # g'Dg is g'Cg and what one impact less adds to it.
-    square = (pull**2).sum(axis=0) + (along * further).sum(axis=1)
-    fall = 0.5 * (square - np.linalg.slogdet(without)[1])
-    density = cell_log_density(problem, cell, values)[0].sum(axis=1)
-    return np.asarray(density - fall)
-
-
-class ScoreGap(NamedTuple):
-    """By how much a variant scores more than a fit, with standard `error`; None of few impacts.
-    Whether it is surely `worse` or `better`.
+class _Fit(NamedTuple):
+    """What variants are compared with: the fit `base` of the same rows, and what its draws say of
+    each quantity. For each parameter `to_all` has how far all rows move it, in coordinates, and the
+    factor by which they widen it. Moves of `judged` quantities are precise, with `most` effective
+    draws at most.
     """
 
-    score: float | None
-    error: float
-    worse: bool
-    better: bool
+    base: FittedVariant
+    to_all: Mapping[str, FloatArray]
+    weighed: Mapping[str, Weighed]
+    judged: frozenset[str]
+    most: float
 
 
-def score_gap(base: FittedVariant, there: FittedVariant) -> ScoreGap:
-    """The scores of a variant beside those of the fit `base` of the same rows."""
-    gaps = there.scores - base.scores
-    count = len(gaps)
-    if count < LEAST_SCORED_IMPACTS:
-        return ScoreGap(None, 0.0, worse=False, better=False)
-    score = float(gaps.sum())
-    error = float(np.sqrt(count) * np.std(gaps, ddof=1))
-    sure = max(WORSE_BY_ERRORS * error, WORSE_BY_SCORE)
-    return ScoreGap(score, error, worse=score < -sure, better=score > sure)
+def _some_draws(variant: FittedVariant, rng: np.random.Generator, enough: float) -> Drawn:
+    """The first draws of a variant. Raises FitError (`no-answer`) where there are none."""
+    drawn = first_draws(variant, rng, enough)
+    if not len(drawn.x):
+        text = variant.problem.forward.model.text
+        raise FitError(f"{text} has no answer about its best values", "no-answer")
+    return drawn
 
 
-def _compare(
+class _Variant(NamedTuple):
+    """A variant by a `choice`, with its score beside the fit's (`gap`), draws, and what these say:
+    its best `values` by name, and each quantity.
+    """
+
+    choice: str
+    instead_of: str
+    there: FittedVariant
+    gap: ScoreGap
+    drawn: Drawn
+    values: Mapping[str, float]
+    weighed: Mapping[str, Weighed]
+
+
+def _first_look(
     choice: str,
     instead_of: str,
-    base: FittedVariant,
+    fit: _Fit,
     there: FittedVariant,
-    to_all: Mapping[str, FloatArray],
     rng: np.random.Generator,
-) -> Alternative:
-    """A variant compared with the fit `base` of the same rows. For each parameter `to_all` has how
-    far all rows move it, in coordinates, and the factor by which they widen it. A law of
-    restitution that fits surely worse has no summaries: no value rests on it, and draws take time.
+) -> Alternative | _Variant:
+    """A variant with its first draws. A law of restitution that fits surely worse has none, and no
+    summaries: no value rests on it, and draws take time.
 
     Raises:
         FitError: the variant has no answer about its best values (`no-answer`), or its weighted
             draws are not reliable (`unreliable`).
     """
     posed = there.problem
-    prior = there.problem.prior
-    gap = score_gap(base, there)
+    gap = score_gap(fit.base, there)
     if gap.worse and choice.startswith(f"{LAW_CHOICE}="):
         best = {name: float(value[0]) for name, value in posed.values(there.best[None]).items()}
         text = posed.forward.model.text
         return Alternative(choice, instead_of, text, best, {}, gap.score, gap.error, as_good=False)
-    x, log_weights, k = importance(
-        lambda q: log_posterior(posed, q),
-        [there.about],
-        rng,
-        EFFECTIVE_DRAWS,
-    )
-    if not len(x):
-        text = f"{posed.forward.model.text} has no answer about its best values"
-        raise FitError(text, "no-answer")
-    if choice and k > RELIABLE_K:
-        text = f"Pareto k is {fixed(k, 2)}, more than {RELIABLE_K}"
+    drawn = _some_draws(there, rng, EFFECTIVE_DRAWS)
+    if drawn.k > RELIABLE_K:
+        text = f"Pareto k is {fixed(drawn.k, 2)}, more than {RELIABLE_K}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
-    weights = np.exp(pareto_smoothed(log_weights, 1.0)[0])
-    x = x[systematic(weights, RESAMPLED_DRAWS, rng.uniform())]
-    # New parameters are where, and as wide as, the chosen rows have them.
-    move, wider = np.array([to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
-    deviation = np.vstack([there.best, x]) - there.best
-    q = there.best + move + wider * deviation
-    q = np.clip(q, prior.low, prior.high)
-    values = {name: float(value[0]) for name, value in posed.values(q[:1]).items()}
-    alike = posed.forward.noise.name == base.problem.forward.noise.name
+    return _Variant(choice, instead_of, there, gap, drawn, *_weighed_draws(fit, there, drawn))
+
+
+def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternative:
+    """A variant compared with the fit. There are more draws until each move of a judged quantity is
+    surely above or below the limit, or known well.
+    """
+    enough = EFFECTIVE_DRAWS
+    unsure = _unsure_moves(fit, variant)
+    while enough < fit.most and any(error > MOVE_ERROR for _, error in unsure.values()):
+        enough = min(fit.most, MORE_DRAWS * enough)
+        drawn = more_draws(variant.there, variant.drawn, rng, enough)
+        values, found = _weighed_draws(fit, variant.there, drawn)
+        variant = variant._replace(drawn=drawn, values=values, weighed=found)
+        unsure = _unsure_moves(fit, variant)
+    gap = variant.gap
     return Alternative(
-        choice,
-        instead_of,
-        posed.forward.model.text,
-        values,
-        _summaries(posed, q, alike),
+        variant.choice,
+        variant.instead_of,
+        variant.there.problem.forward.model.text,
+        variant.values,
+        {name: found.summary for name, found in variant.weighed.items()},
         gap.score,
         gap.error,
         not gap.worse,
         better=gap.better,
+        unsure=unsure,
     )
 
 
-def _summaries(problem: Problem, q: FloatArray, alike: bool) -> dict[str, Summary]:
-    """Summaries of free parameters and derived quantities by the coordinates `q` (1 + draws,
-    coordinates) of the maximum and of draws. Parameters of the noise are left out where its kind
-    is not `alike`: the scale of another kind is another quantity.
+def _unsure_moves(fit: _Fit, variant: _Variant) -> dict[str, tuple[float, float]]:
+    """The moves of judged quantities by a variant that may lie on either side of the limit, and
+    their Monte Carlo errors, in sds. No value rests on a variant that fits surely worse.
     """
-    values = problem.values(q)
-    unlike = frozenset() if alike else problem.noises
-    columns = {name: values[name] for name in problem.free if name not in unlike}
-    for quantity in problem.derived:
+    if variant.gap.worse:
+        return {}
+    unsure = {}
+    for name in sorted(fit.judged & fit.weighed.keys() & variant.weighed.keys()):
+        here = fit.weighed[name]
+        there = variant.weighed[name]
+        move = moved_by(variant.choice, name, here.summary, there.summary)
+        of_ends = np.hypot(getattr(here, move.of), getattr(there, move.of))
+        error = float(np.hypot(move.scale * of_ends, move.size * here.half)) / here.summary.half
+        if abs(move.size - SHIFT_BY_CHOICE) <= SURE_BY_ERRORS * error:
+            unsure[name] = (move.size, error)
+    return unsure
+
+
+def _weighed_draws(
+    fit: _Fit,
+    variant: FittedVariant,
+    drawn: Drawn,
+) -> tuple[dict[str, float], dict[str, Weighed]]:
+    """The best values of a variant by name, and what its draws say of free parameters and derived
+    quantities, both as all rows have them. Parameters of the noise are left out where its kind is
+    not that of the fit: the scale of another kind is another quantity.
+    """
+    posed = variant.problem
+    prior = posed.prior
+    # New parameters are where, and as wide as, the chosen rows have them.
+    move, wider = np.array([fit.to_all.get(name, (0.0, 1.0)) for name in posed.free]).T
+    x = np.vstack([variant.best, drawn.x, drawn.compared])
+    q = np.clip(variant.best + move + wider * (x - variant.best), prior.low, prior.high)
+    values = posed.values(q)
+    alike = posed.forward.noise.name == fit.base.problem.forward.noise.name
+    unlike = frozenset() if alike else posed.noises
+    columns = {name: values[name] for name in posed.free if name not in unlike}
+    for quantity in posed.derived:
         columns[quantity.spec.name] = quantity.rule(values)
-    return {name: summarise(column[1:], float(column[0])) for name, column in columns.items()}
+    count = 1 + len(drawn.x)
+    found = {}
+    for name, column in columns.items():
+        found[name] = weighed(column[1:count], np.exp(drawn.log_weights), float(column[0]))
+        if len(drawn.compared):
+            found[name] = corrected(found[name], column[count:], drawn.exact_weights)
+    best = {name: float(value[0]) for name, value in values.items()}
+    return best, found
+
+
+class Move(NamedTuple):
+    """By how many sds a choice moves a quantity, times a `scale` with which 2 is the limit, and
+    what moves: its `median`, or the end `q025` or `q975` of its 95 % interval outwards.
+    """
+
+    size: float
+    of: str
+    scale: float
+
+
+def moved_by(choice: str, name: str, here: Summary, there: Summary) -> Move:
+    """The largest move of a quantity by a choice, from its summary in the fit `here`."""
+    of_law = choice.startswith(f"{LAW_CHOICE}=") and base_of(name) in SLOPES
+    scale = SHIFT_BY_CHOICE / SHIFT_BY_LAW if of_law else 1.0
+    moves = (
+        Move(scale * abs(there.median - here.median), "median", scale),
+        Move(here.q025 - there.q025, "q025", 1.0),
+        Move(there.q975 - here.q975, "q975", 1.0),
+    )
+    largest = max(moves, key=lambda move: move.size)
+    return largest._replace(size=largest.size / here.half)
 
 
 def what_values_rest_on(
@@ -392,15 +407,9 @@ def what_values_rest_on(
         if not (alternative.as_good and counts(alternative)):
             continue
         for name in fit.keys() & alternative.summaries.keys():
-            here = fit[name]
-            there = alternative.summaries[name]
-            by_median = abs(there.median - here.median)
-            of_law = alternative.choice.startswith(f"{LAW_CHOICE}=")
-            if of_law and base_of(name) in SLOPES:
-                by_median *= SHIFT_BY_CHOICE / SHIFT_BY_LAW
-            shift = max(by_median, here.q025 - there.q025, there.q975 - here.q975)
-            if shift > SHIFT_BY_CHOICE * here.half:
-                moves.append((shift / here.half, name, alternative.instead_of))
+            move = moved_by(alternative.choice, name, fit[name], alternative.summaries[name])
+            if move.size > SHIFT_BY_CHOICE:
+                moves.append((move.size, name, alternative.instead_of))
     rests: dict[str, dict[str, None]] = {name: {} for name in fit}
     for _, name, text in sorted(moves, reverse=True):
         if name in rests:

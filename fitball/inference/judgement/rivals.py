@@ -13,7 +13,8 @@ from fitball.base.errors import FitballError
 from fitball.base.values import FloatArray
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.forward import ForwardModel
-from fitball.inference.judgement.assumptions import fit_variant, score_gap, search_starts
+from fitball.inference.judgement.assumptions import search_starts
+from fitball.inference.judgement.variants import fit_variant, score_gap
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import PointFit
@@ -50,7 +51,7 @@ def rivals(
         choices = problem.choices.for_model(model.text, names)
         try:
             posed = build_problem(problem.table, problem.scene, choices)
-            there = fit_variant(posed, search_starts(posed, point), rng)
+            there = fit_variant(posed, search_starts(posed, point), rng, base)
         except FitballError:
             # A model that cannot be fitted predicts nothing else.
             continue

@@ -80,9 +80,7 @@ class LearntOffsets(NamedTuple):
     ) -> Annotated[FloatArray, "draws points impacts columns"]:
         """The offsets at coordinates of the free parameters of a problem."""
         distance = np.clip(q[:, self.used], self.low, self.high) - self.centre
-        slopes = self.slopes.reshape(len(self.used), -1)
-        moved = (distance @ slopes).reshape(len(q), *self.at_centre.shape)
-        return moved + self.at_centre
+        return np.asarray(np.tensordot(distance, self.slopes, 1) + self.at_centre)
 
 
 def row_errors(

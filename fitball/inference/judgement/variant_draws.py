@@ -1,0 +1,206 @@
+"""Weighted draws of fitted variants, of which more can be asked for, and what they say of a
+quantity with its Monte Carlo error.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from fitball.base.selection import systematic
+from fitball.base.values import FloatArray
+from fitball.inference.density import log_posterior
+from fitball.inference.judgement.variants import FittedVariant
+from fitball.inference.problem.problem import Problem
+from fitball.inference.sampling.importance import (
+    effective_size,
+    fit_mixture,
+    importance,
+    pareto_smoothed,
+)
+from fitball.inference.schema import Summary
+from fitball.inference.summary import QUANTILE_SHARES
+
+# Share of more draws from the fitted mixture; the others are from the first proposal, whose
+# tails are heavy.
+FITTED_SHARE = 0.9
+# More draws at a time at least.
+LEAST_ADDED = 1000.0
+# More draws at a time over those that seem to be missing: the effective size is an estimate.
+ADDED_AT_ONCE = 1.1
+# Draws at most, over the effective draws that are wanted: unequal weights lower the effective size.
+MOST_DRAWS = 5.0
+# Draws of a learnt density at which the exact one is compared with it.
+COMPARED_DRAWS = 300
+# Share of these draws that is effective under weights by the exact density, below which a learnt
+# density is not used: log densities then differ by a tenth on average. Pareto k says less: where
+# all weights agree that well a few that are larger are no tail.
+LEAST_SHARE = 0.99
+
+
+class Drawn(NamedTuple):
+    """Draws of a density, that of `law`: coordinates, log weights, which add up to one, and their
+    Pareto k. Where it is learnt there are also draws of equal weight from it, `compared`, and their
+    weights by the exact density.
+    """
+
+    law: Problem
+    x: Annotated[FloatArray, "draws coordinates"]
+    log_weights: Annotated[FloatArray, "draws"]
+    k: float
+    compared: Annotated[FloatArray, "compared coordinates"]
+    exact_weights: Annotated[FloatArray, "compared"]
+
+
+def first_draws(variant: FittedVariant, rng: np.random.Generator, enough: float) -> Drawn:
+    """Draws of a variant by adaptive importance sampling, until so many are effective or there are
+    too many. Where the exact density differs from the learnt one the exact one is sampled.
+    """
+    exact = variant.problem
+    drawn = _adaptive(variant, variant.law, rng, enough)
+    if drawn.law is exact or not len(drawn.x):
+        return drawn
+    compared = drawn.x[systematic(np.exp(drawn.log_weights), COMPARED_DRAWS, rng.uniform())]
+    log_ratios = log_posterior(exact, compared) - log_posterior(drawn.law, compared)
+    if not _agrees(log_ratios):
+        return _adaptive(variant, exact, rng, enough)
+    exact_weights = np.exp(log_ratios - np.logaddexp.reduce(log_ratios))
+    return drawn._replace(compared=compared, exact_weights=exact_weights)
+
+
+def _adaptive(
+    variant: FittedVariant,
+    law: Problem,
+    rng: np.random.Generator,
+    enough: float,
+) -> Drawn:
+    """Draws of a variant from the density of `law`, with nothing to compare."""
+    x, log_weights, k = importance(
+        lambda q: log_posterior(law, q),
+        [variant.about],
+        rng,
+        enough,
+    )
+    if len(x):
+        log_weights = pareto_smoothed(log_weights, 1.0)[0]
+    return Drawn(law, x, log_weights, k, x[:0], log_weights[:0])
+
+
+def more_draws(
+    variant: FittedVariant,
+    drawn: Drawn,
+    rng: np.random.Generator,
+    enough: float,
+) -> Drawn:
+    """Draws of a variant in place of fewer, from a mixture that is fitted to these, until so many
+    are effective or there are MOST_DRAWS times as many.
+    """
+    alike = drawn.x[systematic(np.exp(drawn.log_weights), len(drawn.x), rng.uniform())]
+    fitted = [(FITTED_SHARE * share, student) for share, student in fit_mixture(alike, rng)]
+    proposals = [*fitted, (1.0 - sum(share for share, _ in fitted), variant.about)]
+    shares = [share for share, _ in proposals]
+    x = drawn.x[:0]
+    log_ratios = drawn.log_weights[:0]
+    size = 0.0
+    wanted = LEAST_ADDED
+    while wanted >= 1.0:
+        counts = rng.multinomial(round(wanted), shares)
+        new = np.concatenate(
+            [student.draw(rng, n) for n, (_, student) in zip(counts, proposals, strict=True)]
+        )
+        mixed = [np.log(share) + student.log_density(new) for share, student in proposals]
+        ratios = log_posterior(drawn.law, new) - np.logaddexp.reduce(mixed)
+        possible = np.isfinite(ratios)
+        x = np.concatenate([x, new[possible]])
+        log_ratios = np.concatenate([log_ratios, ratios[possible]])
+        if not len(x):
+            return drawn
+        size = effective_size(log_ratios - np.logaddexp.reduce(log_ratios))
+        missing = max(LEAST_ADDED, ADDED_AT_ONCE * (enough / size - 1.0) * len(x))
+        room = MOST_DRAWS * enough - len(x)
+        wanted = 0.0 if size >= enough else min(missing, room)
+    log_weights, k = pareto_smoothed(log_ratios, 1.0)
+    return drawn._replace(x=x, log_weights=log_weights, k=k)
+
+
+def _agrees(log_ratios: FloatArray) -> bool:
+    """Whether ratios of the exact and a learnt density at draws from the latter are so alike that
+    weights correct what is left.
+    """
+    if not np.isfinite(log_ratios).all():
+        return False
+    log_weights = log_ratios - np.logaddexp.reduce(log_ratios)
+    return effective_size(log_weights) >= LEAST_SHARE * len(log_ratios)
+
+
+class Weighed(NamedTuple):
+    """A summary of weighted draws of a quantity, with the Monte Carlo errors of its median, of the
+    ends of the central 95 %, and of half of the central 68 %, in the unit of the quantity.
+    """
+
+    summary: Summary
+    median: float
+    q025: float
+    q975: float
+    half: float
+
+
+def weighed(
+    values: Annotated[FloatArray, "draws"],
+    weights: Annotated[FloatArray, "draws"],
+    point: float,
+) -> Weighed:
+    """What weighted draws say of a quantity, beside its value at the best fit. A draw without an
+    answer is left out; all is NaN where half of the weight or more has none.
+    """
+    answered = np.isfinite(values)
+    share = weights[answered].sum()
+    if not 2.0 * share > weights.sum():
+        nothing = Summary(point, *[np.nan] * 6)
+        return Weighed(nothing, np.nan, np.nan, np.nan, np.nan)
+    values = values[answered]
+    weights = weights[answered] / share
+    shares = np.array(QUANTILE_SHARES)
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weights[order]) - 0.5 * weights[order]
+    quantiles = np.interp(shares, below, values[order])
+    # The error of a share of weighted draws, to first order in that of their sum.
+    beyond = (values <= quantiles[:, None]) - shares[:, None]
+    error = np.sqrt(np.sum((weights * beyond) ** 2, axis=1))
+    beside = np.interp(np.stack([shares - error, shares + error]), below, values[order])
+    errors = 0.5 * (beside[1] - beside[0])
+    mean = weights @ values
+    sd = float(np.sqrt(weights @ (values - mean) ** 2))
+    q025, q16, median, q84, q975 = quantiles.tolist()
+    summary = Summary(point, median, sd, q025, q16, q84, q975)
+    of_half = 0.5 * float(np.hypot(errors[1], errors[3]))
+    return Weighed(summary, float(errors[2]), float(errors[0]), float(errors[4]), of_half)
+
+
+def corrected(
+    learnt: Weighed,
+    compared: Annotated[FloatArray, "compared"],
+    exact_weights: Annotated[FloatArray, "compared"],
+) -> Weighed:
+    """What the exact density says of a quantity: what the learnt one says, moved and widened as a
+    few draws are by their exact weights. Errors of these draws are nearly the same with and without
+    weights, and cancel.
+    """
+    answered = np.isfinite(compared)
+    if not answered.any():
+        return learnt
+    values = compared[answered]
+    weights = exact_weights[answered] / exact_weights[answered].sum()
+    middle = values.mean()
+    sd = values.std()
+    exact_middle = weights @ values
+    exact_sd = np.sqrt(weights @ (values - exact_middle) ** 2)
+    wider = float(exact_sd / sd) if sd > 0.0 else 1.0
+    summary = learnt.summary
+    names = ("median", "q025", "q16", "q84", "q975")
+    moved = {
+        name: float(exact_middle + wider * (getattr(summary, name) - middle)) for name in names
+    }
+    return learnt._replace(summary=replace(summary, sd=wider * summary.sd, **moved))
