@@ -65,7 +65,7 @@ fetch() {
         uv pip install --quiet --python "$venv/bin/python" --no-deps "$@" 2>"$venv/uv.log"; then
         return
     fi
-    if [ -x "$venv/bin/pip" ]; then
+    if "$venv/bin/python" -c 'import pip' 2>/dev/null; then
         set -- "$venv/bin/python" -m pip install "$@"
     elif python=$(find_python) && has_pip_for_others "$python"; then
         set -- "$python" -m pip --python "$venv/bin/python" install "$@"
@@ -75,6 +75,14 @@ fetch() {
     fi
     "$@" --quiet --no-input --disable-pip-version-check --no-compile --no-deps 2>"$venv/pip.log" ||
         { cat "$venv/pip.log" >&2; return 1; }
+}
+
+# Extras are added by .venv/bin/pip, which is that of the Python that was found.
+offer_pip() {
+    if [ ! -e "$venv/bin/pip" ] && has_pip_for_others "$1"; then
+        printf '#!/bin/sh\nexec "%s" -m pip --python "%s" "$@"\n' "$(command -v "$1")" "$venv/bin/python" >"$venv/bin/pip"
+        chmod +x "$venv/bin/pip"
+    fi
 }
 
 fetch_pinned() {
@@ -87,6 +95,7 @@ make_environment() {
     "$python" -m venv --without-pip --clear "$venv" ||
         fail "fitball: '$python -m venv' failed; on Debian and Ubuntu install the package python3-venv."
     fetch_pinned requirements.lock
+    offer_pip "$python"
     packages >"$venv/packages.stamp"
 }
 

@@ -5,6 +5,7 @@ import functools
 import logging
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -36,6 +37,14 @@ def packages() -> dict[str, str]:
 
     names = ("numpy", "scipy", "numba", "lmfit", "emcee")
     return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def install_command(requirement: str) -> str:
+    """The command that adds a package to the environment of this process: by the `pip` beside its
+    Python, which need not be on PATH.
+    """
+    pip = Path(sys.executable).with_name("pip")
+    return f'{pip if pip.exists() else "pip"} install "{requirement}"'
 
 
 def cores() -> int:

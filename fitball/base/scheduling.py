@@ -151,7 +151,8 @@ def _client(address: str) -> Client:
     try:
         from distributed import Client
     except ImportError:
-        text = "a scheduler is given, but Dask is not installed here: pip install 'fitball[dask]'"
+        command = environment.install_command("fitball[dask]")
+        text = f"a scheduler is given, but Dask is not installed here: {command}"
         raise ParameterError(text, "scheduler") from None
     option = "scheduler_file" if address.endswith(".json") else "address"
     try:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fitball.base.environment import install_command
 from fitball.base.errors import Note
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
@@ -191,8 +192,8 @@ def _parquet(source: str, data: bytes) -> DataFrame:
         import pyarrow.parquet
     except ImportError:
         words = (
-            "reading Parquet needs the package 'pyarrow': install it (pip install pyarrow), "
-            "or save as CSV"
+            "reading Parquet needs the package 'pyarrow': install it "
+            f"({install_command('pyarrow')}), or save as CSV"
         )
         raise refusal(source, "no-pyarrow", words) from None
     try:

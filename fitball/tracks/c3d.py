@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fitball.base.environment import install_command
 from fitball.base.text import one_line
 from fitball.data import records
 from fitball.data.cells import CellArray, TableCells
@@ -35,8 +36,8 @@ def cells_of_c3d(path: str, data: bytes) -> TableCells:
         import ezc3d
     except ImportError:
         words = (
-            "is a file of motion capture: install the package that reads it (pip install ezc3d), "
-            "or save its markers as CSV"
+            "is a file of motion capture: install the package that reads it "
+            f"({install_command('ezc3d')}), or save its markers as CSV"
         )
         raise refusal(path, "other-format", words) from None
     try:

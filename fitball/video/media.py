@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fitball.base.environment import install_command
 from fitball.base.errors import Fault, FolderError, InputError
 from fitball.base.text import one_line
 from fitball.video.types import Plane
@@ -63,7 +64,8 @@ def opened(path: Path) -> Iterator[Any]:
     try:
         import av
     except ImportError:
-        words = 'needs the package that reads films and sound: pip install "fitball[film]"'
+        command = install_command("fitball[film]")
+        words = f"needs the package that reads films and sound: {command}"
         raise refusal(path, "no-pyav", words) from None
     # Its own messages would come between the lines of fitball.
     av.logging.set_level(None)
