@@ -123,6 +123,30 @@ def test_the_page_computes_the_rebounds_of_the_model(levelled):
         assert shown == pytest.approx(exact.v_x2[0], abs=0.006)
 
 
+def test_the_page_draws_the_way_by_the_port_and_that_of_an_engine(levelled):
+    """A ball at rest lies on the court, and of a ball that is an engine's both ways are one."""
+    page = Page(levelled.export(to="page"))
+    own = "const own = levels[0], down = [0, 6, 0];"
+    (first, last), (sphere, rests) = run(
+        page,
+        own,
+        "const how = { e: 0.7, mu: 0.5 };",
+        "const two = [wayOfPort(down, own), wayOfSphere(down, own, how)];",
+        "console.log(JSON.stringify(two.map(way => [way[0], way.at(-1)])));",
+    )
+    assert first == pytest.approx(sphere, abs=1e-12)
+    assert last[0] == rests[0] == 0.0
+    rigid = "{ ...own, e_x: 0, offset: 0, cor_10: 0.7, cor_slope: 0 }"
+    port, engine = run(
+        page,
+        own,
+        f"const stiff = {rigid}, how = {{ e: 0.7, mu: stiff.mu }}, hit = [20, 6, 50];",
+        "const two = [wayOfPort(hit, stiff), wayOfSphere(hit, stiff, how)];",
+        "console.log(JSON.stringify(two.map(way => way.slice(0, 70))));",
+    )
+    assert np.array(port) == pytest.approx(np.array(engine), abs=1e-9)
+
+
 def test_the_page_says_what_it_does_not_rest_on(levelled):
     warnings = (
         'console.log(JSON.stringify([place("said").className, place("said").children.length]))'

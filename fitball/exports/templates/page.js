@@ -95,7 +95,7 @@ function said(before, after) {
     if (after.status > 0) words.push(`The model has no answer here: ${settings.reasons[after.status]}. A rigid ball of the same restitution and friction instead.`);
     else words.push(!settings.tangential ? "A drop: vertical motion alone." : `The contact point: ${phases.join(", ") || "no slip"}.`);
     if (range === null) words.push("Nothing was fitted: no measured impact supports these numbers.");
-    else if (after.extrapolated) words.push(`Extrapolated: v_y1 = ${number(before[1], 1)} m/s; measured were ${range[0].toPrecision(3)} to ${range[1].toPrecision(3)} m/s.`);
+    else if (after.extrapolated) words.push(`Extrapolated: v_y1 was measured from ${range[0].toPrecision(3)} to ${range[1].toPrecision(3)} m/s, and no measured impact has nearly this speed, angle and spin.`);
     const moved = Object.entries(settings.moved).filter(([name]) => name in state && state[name] !== start[name]);
     if (moved.length) words.push(`Not the ${settings.measured[level] === null ? "set" : "fitted"} ${moved.map(([, words]) => words).join(" and ")}.`);
     place("said").className = `lead ${after.status > 0 ? "poor" : range === null || after.extrapolated || moved.length ? "part" : ""}`.trim();
@@ -153,9 +153,65 @@ function curves(after) {
     });
 }
 
+const vector = (x, y, z = 0) => ({ x, y, z }), NONE = vector(0, 0), DOWN = vector(0, -9.81), STEP = 1 / 60, STEPS = 120;
+
+/** A rebound of an engine's rigid ball: restitution `e`; friction `mu` stops the slip or slides. */
+function sphere(v_x, v_y, omega, { e, mu }, own) {
+    const radius = own.ball_radius, a = own.inertia_ratio, slip = v_x - radius * omega;
+    const p = Math.sign(slip) * Math.min(mu * (1 + e) * v_y, Math.abs(slip) * a / (1 + a));
+    return [v_x - p, e * v_y, omega + p / (a * radius)];
+}
+
+/** The way of the fitted ball over two seconds, by steps of the port: from a step before it touches the court at x = 0. */
+function wayOfPort([v_x, v_y, omega], own) {
+    const early = STEP / 2, court = { normal: vector(0, 1), height: 0, velocity: NONE };
+    const at = vector(-v_x * early, own.ball_radius + v_y * early - 4.905 * early * early);
+    let ball = { position: at, velocity: vector(v_x, -v_y + 9.81 * early), spin: vector(0, 0, -omega), turn: NONE, ahead: 0, bounces: 0, status: 0, extrapolated: false };
+    const way = [[at.x, at.y]];
+    for (let k = 0; k < STEPS; ++k) {
+        ball = Bounce.step(ball, DOWN, STEP, court, own);
+        way.push([ball.position.x, ball.position.y]);
+    }
+    return way;
+}
+
+/** The same of an engine's ball, flights by formula. */
+function wayOfSphere(before, own, how) {
+    let [v_x, v_y, omega] = sphere(...before, how, own), x = 0, begun = STEP / 2;
+    const way = [[-before[0] * begun, own.ball_radius + before[1] * begun - 4.905 * begun * begun]];
+    for (let k = 1; k <= STEPS; ++k) {
+        const t = k * STEP;
+        for (let lasts = 2 * v_y / 9.81; lasts > STEP && t - begun > lasts; lasts = 2 * v_y / 9.81) {
+            x += v_x * lasts;
+            begun += lasts;
+            [v_x, v_y, omega] = sphere(v_x, v_y, omega, how, own);
+        }
+        const time = t - begun, flies = 2 * v_y / 9.81 > STEP;
+        way.push([x + v_x * time, own.ball_radius + (flies ? v_y * time - 4.905 * time * time : 0)]);
+    }
+    return way;
+}
+
+function ways(before) {
+    const own = parameters(state), how = settings.spheres[level], svg = place("way");
+    const fitted = wayOfPort(before, own), other = wayOfSphere(before, own, how), all = [...fitted, ...other];
+    const left = Math.min(...all.map(([x]) => x), -0.5), right = Math.max(...all.map(([x]) => x), 0.5), high = Math.max(...all.map(([, y]) => y), 0.5);
+    const px = x => 20 + 680 * (x - left) / (right - left), py = y => 160 - 145 * y / high;
+    svg.replaceChildren();
+    draw(svg, "line", { x1: 0, x2: 720, y1: 160, y2: 160, stroke: "currentColor", "stroke-width": 2 });
+    for (const [value, text] of ticks(left, right)) draw(svg, "text", { x: px(value), y: 178, "text-anchor": "middle" }, `${text} m`);
+    const line = way => way.map(([x, y], k) => `${k ? "L" : "M"}${px(x).toFixed(1)},${py(y).toFixed(1)}`).join("");
+    draw(svg, "path", { d: line(other), fill: "none", stroke: "var(--blue)", "stroke-width": 2, "stroke-dasharray": "6 4" });
+    draw(svg, "path", { d: line(fitted), fill: "none", stroke: "var(--after)", "stroke-width": 2 });
+    const ends = [fitted, other].map(way => way[way.length - 1]);
+    place("sphere").textContent = `e ${how.e.toFixed(3)}${settings.tangential ? `, mu ${how.mu.toFixed(3)}` : ""}`;
+    place("apart").textContent = `${number(Math.hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1]), 2)} m apart after 2 s`;
+}
+
 function show() {
     const before = incident(state), after = bounce(state);
     for (const one of [said, flight, table]) one(before, after);
+    ways(before);
     curves(after);
 }
 
