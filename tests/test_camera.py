@@ -22,7 +22,10 @@ IDEAL = {
     "clock": 1.0,
     "tilt": 0.0,
     "court_height": 0.0,
+    "row_delay": 0.0,
 }
+# Standard gravity [m/s^2].
+G = 9.80665
 KEYS = tuple(IDEAL)
 
 
@@ -38,12 +41,20 @@ def camera_values(**settings):
     return {name: np.array([value]) for name, value in {**IDEAL, **settings}.items()}
 
 
-@pytest.mark.parametrize("height", [-2e-3, 3e-3])
+def lower_down(speed, height):
+    """The vertical speed [m/s] at a place from which a ball, with this speed where it is `height`
+    [m] higher, flies straight: to first order in the height.
+    """
+    return 0.5 * (speed + np.sqrt(speed**2 + 4.0 * G * height))
+
+
+@pytest.mark.parametrize("delay", [0.0, -8e-4])
+@pytest.mark.parametrize("height", [0.0, -2e-3, 3e-3])
 @pytest.mark.parametrize("tilt", [0.0, 0.01])
 @pytest.mark.parametrize("scale", [1.0, 1.03])
-def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
-    """Both flights as points in the plane, turned as a camera would, and cut at the height that was
-    assumed.
+def test_flights_in_a_picture_against_the_gaps(height, tilt, scale, delay):
+    """Both flights as points in the plane, turned as a camera would, slower at a higher court, cut
+    at the height that was assumed, lower rows read later by the delay.
     """
     v_x1 = 14.0
     v_y1 = 9.0
@@ -61,9 +72,18 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     turned = np.array([[cos, -sin], [sin, cos]])
     x_before, y_before = turned @ [v_x1, -v_y1]
     x_after, y_after = turned @ [v_x2, v_y2]
+    along, above = turned @ [path, 0.0]
+    down = lower_down(-y_before, height)
+    # The same as the camera has it: to first order, and of the height at landing.
+    up = y_after + G * height / y_after
+    # A picture shows each height at a time that is its own: less the higher it is.
+    faster = 1.0 - delay * down
+    slower = 1.0 + delay * up
+    x_before, y_before, turning_before = np.array([x_before, -down, omega_1]) / faster
+    x_after, y_after, turning_after = np.array([x_after, up, omega_2]) / slower
     camera = CameraModel(KEYS, ("",), np.zeros(2, np.int64))
-    values = camera_values(tilt=tilt, court_height=height, scale=scale)
-    measured = Impacts(np.array([x_before]), np.array([-y_before]), np.array([omega_1]))
+    values = camera_values(tilt=tilt, court_height=height, scale=scale, row_delay=delay)
+    measured = Impacts(np.array([x_before]), np.array([-y_before]), np.array([turning_before]))
     rebound = rebound_of(
         v_x2=v_x2,
         v_y2=v_y2,
@@ -80,20 +100,56 @@ def test_flights_in_a_picture_against_the_gaps(height, tilt, scale):
     assert_allclose(true.omega_1, [[omega_1]], rtol=1e-14)
     assert_allclose(seen.v_x2, [[x_after]], rtol=1e-14)
     assert_allclose(seen.v_y2, [[y_after]], rtol=1e-14)
+    assert_allclose(seen.omega_2, [[turning_after]], rtol=1e-14)
     # Landing at (0, height) at time 0, release a path up the court: where do the flights pass the
-    # height 0?
-    along, above = turned @ [path, 0.0]
-    landing = -height / y_before
-    release = time - (height + above) / y_after
-    late = release - time
+    # height 0? The delay counts from there.
+    landed = delay * height
+    released = time + delay * (height + above)
+    landing = landed - height / y_before
+    release = released - (height + above) / y_after
+    late = release - released
+    early = landing - landed
     assert seen.gap_time[0, 0] == pytest.approx(release - landing, rel=1e-12)
-    distance = along + late * x_after - landing * x_before
+    distance = along + late * x_after - early * x_before
     assert seen.gap_path[0, 0] == pytest.approx(distance, rel=1e-12)
-    angle = turn + late * omega_2 - landing * omega_1
+    angle = turn + late * turning_after - early * turning_before
     assert seen.gap_turn[0, 0] == pytest.approx(angle, rel=1e-12)
     # Without height and tilt it is another time.
-    level = camera.measured_rebounds(camera_values(scale=scale), measured, rebound)
-    assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
+    if height:
+        level = camera.measured_rebounds(camera_values(scale=scale), measured, rebound)
+        assert abs(level.gap_time[0, 0] - seen.gap_time[0, 0]) > 1e-4
+
+
+def fallen(speed, height):
+    """The speed [m/s] of a ball that falls by a height [m] without air, by its energy."""
+    return np.sqrt(speed**2 + 2.0 * G * height)
+
+
+@pytest.mark.parametrize("height", [-2e-3, 3e-3])
+def test_a_ball_is_slower_at_a_higher_court(height):
+    """Slow drops, by energy, to second order in the height."""
+    camera = CameraModel(("court_height",), ("",), np.zeros(1, np.int64))
+    values = camera_values(court_height=height)
+    measured = Impacts(np.zeros(1), np.array([2.0]), np.zeros(1))
+    true = camera.true_states(values, measured)
+    second_order = 0.5 * (G * height) ** 2 / 2.0**3
+    expected = fallen(2.0, -height)
+    assert true.v_y1[0, 0] == pytest.approx(expected, abs=1.1 * second_order)
+    assert abs(expected - 2.0) > 20.0 * second_order
+    zero = dict.fromkeys(("v_x2", "omega_2", "gap_path", "gap_turn"), 0.0)
+    rebound = rebound_of(v_y2=1.5, contact_time=5e-3, gap_time=5e-3, **zero)
+    seen = camera.measured_rebounds(values, measured, rebound)
+    second_order = 0.5 * (G * height) ** 2 / 1.5**3
+    assert seen.v_y2[0, 0] == pytest.approx(fallen(1.5, height), abs=1.1 * second_order)
+
+
+def test_rows_that_are_read_for_longer_than_the_ball_flies_have_no_answer():
+    camera = CameraModel(("row_delay",), ("",), np.zeros(2, np.int64))
+    measured = Impacts(np.zeros(2), np.array([6.0, 60.0]), np.zeros(2))
+    zero = dict.fromkeys(("v_x2", "omega_2", "gap_path", "gap_turn"), 0.0)
+    rebound = rebound_of(v_y2=4.0, contact_time=5e-3, gap_time=5e-3, **zero)
+    seen = camera.measured_rebounds(camera_values(row_delay=-0.02), measured, rebound)
+    assert seen.status.tolist() == [[Status.OK, Status.NO_IMPACT]]
 
 
 def test_what_does_not_reach_the_court_has_no_answer():

@@ -36,3 +36,5 @@ CM2_PER_RAD = Unit("cm^2/rad", 1e4)
 # Changes per m/s of vertical speed: of an offset, and of a coefficient.
 MM_PER_M_PER_S = Unit("mm/(m/s)", 1e3)
 MILLI_S_PER_M = Unit("1e-3 s/m", 1e3)
+# Time in which a metre of a picture is read.
+MS_PER_M = Unit("ms/m", 1e3)

@@ -10,7 +10,7 @@ from fitball.data.scene import CameraSection, Scene
 from fitball.data.table import ImpactTable
 
 # What fits share with a camera; the rest of its section reads films.
-_OF_FITS = ("scale", "clock", "tilt", "court_height")
+_OF_FITS = ("scale", "clock", "tilt", "court_height", "row_delay")
 OF_FILMS = tuple(name for name in CameraSection.__struct_fields__ if name not in _OF_FITS)
 # Keys that a note names.
 _NAMED_KEYS = 12

@@ -51,8 +51,9 @@ class BallSection(SceneSection, frozen=True):
 
 class CameraSection(SceneSection, frozen=True):
     """What the impacts of a camera share. Of fits: `scale`, `clock` (true over measured), `tilt`
-    [rad], `court_height` [m]. Of films: rate, scale, directions, `court` [m], `fold` of marks, and
-    `lasting` [m], errors that last over frames, `row_time` [s/px] of a rolling shutter,
+    [rad], `court_height` [m], `row_delay` [s/m], by which a lower row is read later than was taken.
+    Of films: rate, scale, directions, `court` [m], `fold` of marks, and `lasting` [m], errors that
+    last over frames, `row_time` [s/px] of a rolling shutter, whose sd makes that of `row_delay`,
     `min_confidence` of frames that are used.
     """
 
@@ -60,6 +61,7 @@ class CameraSection(SceneSection, frozen=True):
     clock: float | ValueWithSd | None = None
     tilt: float | ValueWithSd | None = None
     court_height: float | ValueWithSd | None = None
+    row_delay: float | ValueWithSd | None = None
     fps: float | None = None
     mm_per_px: float | None = None
     y: Literal["up", "down"] = "up"
@@ -67,7 +69,7 @@ class CameraSection(SceneSection, frozen=True):
     court: float | ValueWithSd | None = None
     fold: int = 1
     lasting: float = 0.0
-    row_time: float | None = None
+    row_time: float | ValueWithSd | None = None
     min_confidence: float | None = None
 
 
@@ -236,6 +238,7 @@ _KEYS: Mapping[str, _Range | tuple[str, ...] | type] = {
     "camera.clock": _FACTOR,
     "camera.tilt": _Range(-pi / 18.0, pi / 18.0, "rad"),
     "camera.court_height": _Range(-0.2, 0.2, "m"),
+    "camera.row_delay": _Range(-0.03, 0.03, "s/m"),
     "camera.fps": _Range(1.0, 1e7, "frames/s"),
     "camera.mm_per_px": _Range(1e-4, 1e3, "mm"),
     "camera.court": _Range(-100.0, 100.0, "m"),
@@ -243,7 +246,8 @@ _KEYS: Mapping[str, _Range | tuple[str, ...] | type] = {
     "camera.angles": ("counterclockwise", "clockwise"),
     "camera.fold": _Range(1, 100),
     "camera.lasting": _Range(0.0, 0.1, "m"),
-    "camera.row_time": _Range(0.0, 0.01, "s"),
+    # Negative where the lowest row is read first.
+    "camera.row_time": _Range(-0.01, 0.01, "s"),
     "camera.min_confidence": _Range(0.0, 1.0),
     "flight.drag": _Range(0.01, 3.0),
     "flight.lift": _Range(-2.0, 2.0),

@@ -11,7 +11,16 @@ import numpy as np
 from fitball.base.itf import GRAVITY
 from fitball.base.values import FloatArray, IntArray
 from fitball.data.scene import CameraSection
-from fitball.tracks.flight import DRAG, LIFT_1, LIFT_2, Impact
+from fitball.tracks.flight import (
+    BEND,
+    DRAG,
+    FLIGHT_UNKNOWNS,
+    GRAVITY_FITTED,
+    LIFT_1,
+    LIFT_2,
+    ROW_DELAY,
+    Impact,
+)
 from fitball.tracks.types import FilmAssumptions, Track
 
 # How far [s] from an impact frames are used: beyond it the series of a flight is too coarse
@@ -38,6 +47,23 @@ _MOST_LIFT_ERROR = 0.35
 _CURVATURE_SDS = 3.0
 # Heights that are off a parabola by more than this many medians of residuals are outliers.
 _OUTLYING_MEDIANS = 4.0
+
+
+class Gravity(NamedTuple):
+    """Gravity [m/s^2] as flights show it, with the sds of frames and of what all flights share."""
+
+    value: float
+    own_sd: float
+    shared_sd: float
+
+    @property
+    def sd(self) -> float:
+        """The sd of gravity."""
+        return float(np.hypot(self.own_sd, self.shared_sd))
+
+
+# Gravity that no flight shows.
+UNSEEN_GRAVITY = Gravity(np.nan, np.nan, np.nan)
 
 
 class _Fall(NamedTuple):
@@ -196,26 +222,40 @@ def gravity_words(value: float, rate: float, camera: CameraSection) -> str:
     )
 
 
-def gravity_of(impacts: Sequence[Impact]) -> tuple[float, float]:
-    """Gravity [m/s^2] by fitted flights, and its sd; NaN where no flight shows it. It is one step
-    of Gauss and Newton from standard gravity. Errors of lift and drag count as common to all
-    impacts.
+def gravity_of(
+    impacts: Sequence[Impact],
+    widening: float = 1.0,
+    row_delay_sd: float = 0.0,
+) -> Gravity:
+    """Gravity by fitted flights; NaN where no flight shows it. It is one step of Gauss and Newton
+    from standard gravity. Errors of lift, drag and row delay, of the sd `row_delay_sd` [s/m], count
+    as common to all impacts; those of frames are `widening` times as large as if they were
+    independent.
     """
     score = 0.0
     information = 0.0
+    by_delay = 0.0
     common = np.zeros(3)
     unknown = [LIFT_1, LIFT_2, DRAG]
     for impact in impacts:
         info = impact.info.sum(axis=0)
-        falls = info[-1, :-1]
-        matrix = info[:-1, :-1] + impact.precision
+        flown = slice(FLIGHT_UNKNOWNS)
+        falls = info[GRAVITY_FITTED, flown]
+        matrix = info[flown, flown] + impact.precision[flown, flown]
         moved = np.linalg.solve(matrix, falls)
-        score += impact.pull
-        information += info[-1, -1] - float(falls @ moved)
+        # As if the paths had no bend of their own.
+        bend = info[BEND, GRAVITY_FITTED] - float(moved @ info[flown, BEND])
+        score += impact.pull + impact.p[BEND] * bend
+        information += info[GRAVITY_FITTED, GRAVITY_FITTED] - float(falls @ moved)
+        by_delay += info[GRAVITY_FITTED, ROW_DELAY] - float(moved @ info[flown, ROW_DELAY])
         prior = impact.precision[np.ix_(unknown, unknown)]
         prior_sds = np.sqrt(np.diagonal(np.linalg.inv(prior)))
         common += prior @ moved[unknown] * prior_sds
     if not information > 0.0:
-        return float("nan"), float("nan")
-    variance = 1.0 / information + float(np.sum((common / information) ** 2))
-    return GRAVITY + score / information, sqrt(variance)
+        return UNSEEN_GRAVITY
+    shared = np.append(common, by_delay * row_delay_sd) / information
+    return Gravity(
+        value=GRAVITY + score / information,
+        own_sd=widening / sqrt(information),
+        shared_sd=float(np.linalg.norm(shared)),
+    )

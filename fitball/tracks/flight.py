@@ -23,6 +23,18 @@ from fitball.tracks.types import TRACKED, FilmAssumptions, SpinPair, Track, unwr
 
 # Indices of the unknowns of an impact.
 X1, VX1, VY1, LIFT_1, T1, X2, VX2, VY2, LIFT_2, T2, DRAG = range(11)
+# Number of these. Behind them comes the bend of the paths by a row delay of the camera [s/m],
+# beside the change of the velocities: with it these change as the velocities of the rows say.
+FLIGHT_UNKNOWNS = 11
+BEND = 11
+UNKNOWNS = 12
+# In derivatives and information matrices the row delay itself and gravity, which are not fitted,
+# come behind the unknowns.
+ROW_DELAY, GRAVITY_FITTED = UNKNOWNS, UNKNOWNS + 1
+# Precision of a bend that is none.
+_NO_BEND = 1e15
+# The bend is free by so many sds of the row delay, so that flights do not measure that.
+_BEND_WIDTH = 10.0
 # Indices of those of `TRACKED` that only marks show.
 SPINS = [2, 5, 8]
 # Indices of those of `TRACKED` that heights alone show: v_y1 and v_y2.
@@ -77,7 +89,7 @@ _NO_FLIGHT = "no flight fits the positions before and after the contact"
 
 class _LinearFlights(NamedTuple):
     """Two flights, linearised at the unknowns of an impact: `residual` (frames, 2) [m], measured
-    less expected; `slopes` (12, frames, 2), its negative derivatives by the unknowns and, last, by
+    less expected; `slopes` (14, frames, 2), its negative derivatives by the unknowns, row delay and
     gravity.
     """
 
@@ -86,8 +98,8 @@ class _LinearFlights(NamedTuple):
 
 
 class _NormalEquations(NamedTuple):
-    """Normal equations of the weighed frames: `info` (2, 12, 12) of x and of y, and by how much the
-    residuals and priors pull each unknown and, last, gravity (12,).
+    """Normal equations of the weighed frames: `info` (2, 14, 14) of x and of y, and by how much the
+    residuals and priors pull each unknown, row delay and gravity (14,).
     """
 
     info: FloatArray
@@ -134,8 +146,8 @@ class Impact:
 
     The fit moves the unknowns `p`, with their prior, under sds `sigma` [m] of x and y. It sets
     their `covariance`, the `residual` [m] and `weight` of each frame, the probability of being no
-    outlier (NaN in contact), the information `info` of x and of y, and `pull`, by which gravity,
-    the last there, would be moved. `pairs` are the spins that marks allow. `failed` says why the
+    outlier (NaN in contact), the information `info` of x and of y, and `pull`, by which gravity
+    would be moved. `pairs` are the spins that marks allow. `failed` says why the
     impact has no fit, "" where it has.
     """
 
@@ -148,14 +160,16 @@ class Impact:
     position: Annotated[FloatArray, "frames 2"]
     phi: Annotated[FloatArray, "frames"]
     sign: float
-    p: Annotated[FloatArray, "11"] = field(default_factory=lambda: np.ones(11))
-    prior: Annotated[FloatArray, "11"] = field(default_factory=lambda: np.zeros(11))
-    precision: Annotated[FloatArray, "11 11"] = field(default_factory=lambda: np.zeros((11, 11)))
+    p: Annotated[FloatArray, "12"] = field(default_factory=lambda: np.append(np.ones(11), 0.0))
+    prior: Annotated[FloatArray, "12"] = field(default_factory=lambda: np.zeros(UNKNOWNS))
+    precision: Annotated[FloatArray, "12 12"] = field(
+        default_factory=lambda: np.zeros((UNKNOWNS, UNKNOWNS))
+    )
     sigma: Annotated[FloatArray, "2"] = field(default_factory=lambda: np.full(2, FIRST_NOISE))
-    covariance: Annotated[FloatArray, "11 11"] = field(init=False)
+    covariance: Annotated[FloatArray, "12 12"] = field(init=False)
     residual: Annotated[FloatArray, "frames 2"] = field(init=False)
     weight: Annotated[FloatArray, "frames"] = field(init=False)
-    info: Annotated[FloatArray, "2 12 12"] = field(init=False)
+    info: Annotated[FloatArray, "2 14 14"] = field(init=False)
     pull: float = 0.0
     pairs: Sequence[SpinPair] = ()
     failed: str = ""
@@ -196,6 +210,8 @@ class Impact:
         self.prior[DRAG] = drag
         self.precision[:] = 0.0
         self.precision[DRAG, DRAG] = drag_sd**-2.0
+        bend_sd = _BEND_WIDTH * assumed.row_delay_sd
+        self.precision[BEND, BEND] = bend_sd**-2.0 if bend_sd else _NO_BEND
         self.prior[[LIFT_1, LIFT_2]] = assumed.lift.value
         if self.sure_pair:
             shared = _LIFT_CORRELATION
@@ -243,6 +259,7 @@ def start(impact: Impact, assumed: FilmAssumptions, height: float) -> None:
         time = (height - y) / v_y if abs(v_y) > _LEAST_SPEED else np.nan
         impact.p[first : first + 5] = (x + v_x * time, v_x, v_y - GRAVITY * time, 0.0, time)
     impact.p[DRAG] = assumed.drag.value
+    impact.p[BEND] = 0.0
     _check_speeds(impact)
 
 
@@ -297,8 +314,8 @@ def fit(
         box = (_BOX_RADII * assumed.ball.radius) ** 2
         weight = np.where(before | after, good / (good + outliers / box), 0.0)
         normal = _normal_equations(impact, linear, sds, weight, assumed.lasting)
-        hessian = normal.info[:, :-1, :-1].sum(axis=0) + impact.precision
-        step = _inverse(hessian) @ normal.pull[:-1]
+        hessian = normal.info[:, :UNKNOWNS, :UNKNOWNS].sum(axis=0) + impact.precision
+        step = _inverse(hessian) @ normal.pull[:UNKNOWNS]
         if not np.isfinite(step).all():
             impact.failed = _NO_FLIGHT
             return
@@ -309,7 +326,7 @@ def fit(
         _check_speeds(impact)
         if impact.failed:
             return
-    tail = np.einsum("pfa,fa->pf", linear.slopes[:-1] / sds, z)
+    tail = np.einsum("pfa,fa->pf", linear.slopes[:UNKNOWNS] / sds, z)
     uncertain = np.minimum(1.0 - weight, 1.0 / np.maximum(square, 1e-12))
     lost = tail * (weight * uncertain) @ tail.T
     impact.covariance = _inverse(hessian - lost)
@@ -318,7 +335,7 @@ def fit(
     impact.residual = linear.residual
     impact.weight = np.where(before | after, weight, np.nan)
     impact.info = normal.info
-    impact.pull = normal.pull[-1]
+    impact.pull = normal.pull[GRAVITY_FITTED]
 
 
 def _linearised(
@@ -329,17 +346,28 @@ def _linearised(
     after: BoolArray,
 ) -> _LinearFlights:
     """The flights of an impact at its unknowns; `after` (frames,) says which are of the second."""
-    moved = np.vstack([impact.p, impact.p + np.diag(_STEPS)])
+    flown = impact.p[:FLIGHT_UNKNOWNS]
+    moved = np.vstack([flown, flown + np.diag(_STEPS)])
     first = np.where(after, X2, X1)
     x, v_x, v_y, offset, time = (moved[:, first + k] for k in range(5))
     lift = lifts[np.where(after, 1, 0)] + offset
     along, up = path(v_x, v_y, moved[:, DRAG, None], lift, assumed.k, impact.t - time)
     places = np.stack([x + along, height + up], axis=-1)
     by_unknowns = (places[1:] - places[0]) / _STEPS[:, None, None]
-    # Gravity is not fitted.
-    by_gravity = np.zeros((1, *impact.position.shape))
-    by_gravity[0, :, 1] = -0.5 * (impact.t - time[0]) ** 2
-    return _LinearFlights(impact.position - places[0], np.concatenate([by_unknowns, by_gravity]))
+    # A frame in which the ball is higher was read earlier: later contacts move the ball back on
+    # its way. To first order velocities change as those of the rows, and paths bend besides.
+    back = by_unknowns[T1] + by_unknowns[T2]
+    by_delay = back * (impact.position[:, 1:] - height)
+    by_bend = by_delay.copy()
+    for velocity in ([VX1, VY1], [VX2, VY2]):
+        row_velocity = flown[velocity[1]]
+        by_bend += row_velocity * np.tensordot(flown[velocity], by_unknowns[velocity], 1)
+    # Gravity is not fitted either.
+    by_gravity = np.zeros_like(by_delay)
+    by_gravity[:, 1] = -0.5 * (impact.t - time[0]) ** 2
+    slopes = np.concatenate([by_unknowns, [by_bend, by_delay, by_gravity]])
+    expected = places[0] + impact.p[BEND] * by_bend
+    return _LinearFlights(impact.position - expected, slopes)
 
 
 def _normal_equations(
@@ -353,8 +381,8 @@ def _normal_equations(
     and errors that last with the sd `lasting` [m].
     """
     root = np.sqrt(weight)
-    info = np.zeros((2, len(_STEPS) + 1, len(_STEPS) + 1))
-    pull = np.append(impact.precision @ (impact.prior - impact.p), 0.0)
+    info = np.zeros((2, len(linear.slopes), len(linear.slopes)))
+    pull = np.append(impact.precision @ (impact.prior - impact.p), [0.0, 0.0])
     for axis in (0, 1):
         weighed = linear.slopes[:, :, axis] * (root / sds[axis])
         solved = weighed
@@ -383,7 +411,7 @@ def measurement_of(
     """Values of `TRACKED` of a fitted impact and their covariance, SI. Spins and turn are NaN
     without a pair that is sure; of heights alone all are but the vertical velocities.
     """
-    jacobian = np.zeros((len(TRACKED), len(_STEPS)))
+    jacobian = np.zeros((len(TRACKED), UNKNOWNS))
     for row, column, sign in _MEASURED_BY:
         jacobian[row, column] = sign
     values = jacobian @ impact.p

@@ -58,6 +58,7 @@ POSITION_COLUMNS: Mapping[str, tuple[str, str]] = {
     "angle": ("rad", "phi theta orientation winkel markangle"),
     "angle_fold": ("", "fold anglefold"),
     "radius": ("m", "r ballradius"),
+    "radius_sd": ("m", "radiussd"),
     "diameter": ("m", "d diam balldiameter"),
     "quality": (
         "",

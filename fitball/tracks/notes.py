@@ -68,7 +68,7 @@ def wrong_session(session: Session, camera: CameraSection) -> str:
     """The sentence on a session whose fitted flights have a gravity that is off by a factor; ""
     where it is not.
     """
-    g, sd = session.gravity
+    g, sd = session.gravity.value, session.gravity.sd
     off = abs(g - GRAVITY) > 2.0 * _GRAVITY_SDS * sd
     if off and not GRAVITY / GRAVITY_FACTOR < g < GRAVITY_FACTOR * GRAVITY:
         return gravity_words(g, _frame_rate(session.impacts), camera)
@@ -180,7 +180,7 @@ def _court_notes(session: Session, of_session: str) -> Iterator[Note]:
 
 def _gravity_notes(session: Session, of_session: str) -> Iterator[Note]:
     """The note that gravity is off by more than errors of the flights explain."""
-    g, sd = session.gravity
+    g, sd = session.gravity.value, session.gravity.sd
     if not abs(g - GRAVITY) > _GRAVITY_SDS * sd:
         yield from _scale_notes(session, of_session)
         return

@@ -33,7 +33,7 @@ def scale_by_radius(session: Session) -> RadiusScale | None:
     if not np.isfinite(radii).any():
         return None
     radius = float(np.nanmedian(radii))
-    gravity, gravity_sd = session.gravity
+    gravity, gravity_sd = session.gravity.value, session.gravity.sd
     by_gravity = np.hypot(gravity - GRAVITY, gravity_sd) / GRAVITY
     sd = float(np.fmin(HALF_PIXEL / radius, by_gravity))
     return RadiusScale(radius, sd, session.assumed.ball.radius / (radius + HALF_PIXEL))

@@ -37,7 +37,7 @@ from fitball.tracks.omitted import (
     unseen,
 )
 from fitball.tracks.polar import polar_columns
-from fitball.tracks.scale import Clip, scale_of_clip
+from fitball.tracks.scale import Clip, relative_sd_of_radius, row_time_of, scale_of_clip
 from fitball.tracks.space import MOST_FLAT, in_plane, is_flat
 from fitball.tracks.types import Track
 
@@ -380,18 +380,30 @@ class Reader:
         self.read |= {*ball.indices, *(f"{column} [px]" for column in columns.pixels)}
         fold = self._fold(clip)
         x = values["x"][order] * (scale if "x" in columns.pixels else 1.0)
-        y = values["y"][order] * (scale if "y" in columns.pixels else 1.0)
-        if camera.y == "down":
-            y = -y
-        if camera.row_time:
+        upwards = -1.0 if camera.y == "down" else 1.0
+        y = upwards * values["y"][order] * (scale if "y" in columns.pixels else 1.0)
+        if row_time := row_time_of(camera):
             self.read.add("row_time")
             # Rows count downwards; from which edge only moves the clock.
-            time = time - camera.row_time * y / scale
+            time = time - row_time * y / scale
         angle = clip.column("angle", np.nan)[order]
         if camera.angles == "clockwise":
             angle = -angle
         number = np.round(clock.frame[order]).astype(np.int64)
-        return Track(name, number, time, x, y, angle, fold, labels, radius_px, vertical)
+        return Track(
+            id=name,
+            frame=number,
+            time=time,
+            x=x,
+            y=y,
+            angle=angle,
+            fold=fold,
+            labels=labels,
+            radius_px=radius_px,
+            vertical=vertical,
+            radius_sd=relative_sd_of_radius(clip, columns.pixels, radius_px),
+            metres_per_px=scale if "y" in columns.pixels else np.nan,
+        )
 
     def _read_columns(self, ball: FilmedBall) -> set[int]:
         """The indices of columns that are read, for a ball or as labels."""

@@ -61,7 +61,7 @@ def scale_of_clip(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str])
         return Scale(stated)
     if by_ball:
         return Scale(by_ball, radius)
-    if "x" in pixels or "y" in pixels or camera.row_time:
+    if "x" in pixels or "y" in pixels or row_time_of(camera):
         words = (
             "positions in pixels, and row_time, need a scale: expected --mm-per-px, "
             "mm_per_px in [camera], or --ball-diameter and a column radius [px]"
@@ -69,6 +69,23 @@ def scale_of_clip(cells: TableCells, scene: Scene, clip: Clip, pixels: set[str])
         if all(fault.code != "no-scale" for fault in cells.faults):
             cells.fault("no-scale", words)
     return Scale(1.0)
+
+
+def row_time_of(camera: CameraSection) -> float:
+    """The time of a row [s/px] that is stated of a camera, 0 where none is."""
+    stated = camera.row_time
+    return (stated.value if isinstance(stated, ValueWithSd) else stated) or 0.0
+
+
+def relative_sd_of_radius(clip: Clip, pixels: set[str], radius: float) -> float:
+    """The sd, over the `radius` [px], of the radius in each frame of a clip: the median of a column
+    in pixels; NaN without one.
+    """
+    if "radius_sd" not in pixels:
+        return np.nan
+    sds = clip.values["radius_sd"][clip.order]
+    sds = sds[sds >= 0.0]
+    return float(np.median(sds)) / radius if sds.size else np.nan
 
 
 def _scale_of_ball(scene: Scene, clip: Clip, pixels: set[str]) -> Scale:

@@ -10,7 +10,19 @@ import numpy as np
 
 from fitball.base.values import FloatArray
 from fitball.data.scene import CameraSection, ValueWithSd
-from fitball.tracks.flight import DRAG, FIRST_NOISE, T1, T2, VY1, VY2, Impact, fit, start
+from fitball.tracks.find import UNSEEN_GRAVITY, Gravity
+from fitball.tracks.flight import (
+    DRAG,
+    FIRST_NOISE,
+    T1,
+    T2,
+    UNKNOWNS,
+    VY1,
+    VY2,
+    Impact,
+    fit,
+    start,
+)
 from fitball.tracks.spins import pairs_of, weights
 from fitball.tracks.types import FilmAssumptions
 
@@ -61,9 +73,8 @@ _USUAL_SLOPE = 0.2
 class Session:
     """The impacts of a session and what they have in common. `height` [m] of the centre at contact
     has an sd where it was found from contacts, else 0. `noise` [m] is that of x and of y,
-    `angle_noise` [rad] that of the mark; `outliers` and `angle_outliers` are shares. `gravity`
-    [m/s^2] has its sd. `correlation` is that of errors of neighbouring frames, 0 where chance
-    explains it.
+    `angle_noise` [rad] that of the mark; `outliers` and `angle_outliers` are shares. `correlation`
+    is that of errors of neighbouring frames, 0 where chance explains it.
     """
 
     impacts: list[Impact]
@@ -74,7 +85,7 @@ class Session:
     angle_noise: float = _FIRST_ANGLE_NOISE
     outliers: float = _FIRST_OUTLIERS
     angle_outliers: float = _FIRST_ANGLE_OUTLIERS
-    gravity: tuple[float, float] = (np.nan, np.nan)
+    gravity: Gravity = UNSEEN_GRAVITY
     correlation: float = 0.0
 
     @property
@@ -188,7 +199,8 @@ def _renew_noise(session: Session) -> None:
 
 def _freedom_spent(impact: Impact) -> list[float]:
     """Degrees of freedom that the fit of an impact takes from x and from y."""
-    return [np.sum(impact.covariance * info[:-1, :-1]) for info in impact.info]
+    of_unknowns = impact.info[:, :UNKNOWNS, :UNKNOWNS]
+    return [np.sum(impact.covariance * info) for info in of_unknowns]
 
 
 def _share(outliers: float, frames: float, usual: float) -> float:

@@ -18,11 +18,12 @@ posterior of `calibrate`, sampled by importance.
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -149,9 +150,13 @@ def scores_of_films(
     return z, sure, wrong
 
 
+# What throws balls: quantities (count, n) of impacts, of which the first three are incident ones.
+Throws = Callable[[int, np.random.Generator], FloatArray]
+
+
 class Truth(NamedTuple):
     """A simulated ball: values of all parameters, SI; the nine quantities of its impacts,
-    (FIT_ROWS, 9); for each impact the contact time [s] and the angle [rad] by which the shell is
+    (impacts, 9); for each impact the contact time [s] and the angle [rad] by which the shell is
     ahead of its line at release.
     """
 
@@ -161,35 +166,47 @@ class Truth(NamedTuple):
     ahead: FloatArray
 
 
-def incident_states(values: Mapping[str, float], rng: np.random.Generator) -> list[FloatArray]:
-    """Incident velocities and spins (3,) of impacts for which the model has an answer, at most
-    FIT_ROWS.
+def incident_states(
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+    rows: int,
+    throws: Throws,
+) -> list[FloatArray]:
+    """Incident velocities and spins (3,) of impacts for which the model has an answer, at most so
+    many `rows`, among `throws`.
     """
     states: list[FloatArray] = []
-    for bounce in films.bounces(3 * FIT_ROWS, rng):
+    for bounce in throws(3 * rows, rng):
         # What this ball cannot have is left out.
         with suppress(ParameterError):
             rebound = MODEL.rebound(values, fitball.impacts(*bounce[:3]))
             possible = rebound.status[0] == Status.OK and rebound.v_x2[0] > 1.0
-            if possible and len(states) < FIT_ROWS:
+            if possible and len(states) < rows:
                 states.append(bounce[:3])
     return states
 
 
-def draw_truth(rng: np.random.Generator) -> Truth:
-    """A ball with parameters from the priors, and impacts that it can have, with scatter."""
+def draw_truth(
+    rng: np.random.Generator,
+    rows: int = FIT_ROWS,
+    throws: Throws = films.bounces,
+    ball: Mapping[str, float] = MappingProxyType({}),
+) -> Truth:
+    """A ball with parameters from the priors, or as they are in `ball`, and so many impacts that it
+    can have, with scatter. Their incident states are the first three columns of `throws`.
+    """
     incident: list[FloatArray] = []
-    while len(incident) < FIT_ROWS:
+    while len(incident) < rows:
         drawn = {}
         for name, text in PRIORS.items():
             quantile = parse_prior(SPECS[name], text).quantile(rng.uniform(size=1))
-            drawn[name] = float(quantile[0])
+            drawn[name] = ball.get(name, float(quantile[0]))
         values = {spec.name: drawn[spec.name] for spec in MODEL.parameters}
-        incident = incident_states(values, rng)
+        incident = incident_states(values, rng, rows, throws)
     states = fitball.impacts(*np.transpose(incident))
     rebound = MODEL.rebound(values, states)
     nodes, weights = np.polynomial.legendre.leggauss(40)
-    ahead = np.empty(FIT_ROWS)
+    ahead = np.empty(rows)
     for k, end in enumerate(rebound.contact_time.tolist()):
         times = 0.5 * end * (nodes + 1.0)
         course = MODEL.history(values, states.take(np.array([k])), times).courses
@@ -197,7 +214,7 @@ def draw_truth(rng: np.random.Generator) -> Truth:
         ahead[k] = 0.5 * end * float(weights @ course["omega_shell"]) - line
     measured = []
     for name in films.TRACKED_NAMES[3:]:
-        scatter = drawn[NOISES[name].name] * rng.standard_normal(FIT_ROWS)
+        scatter = drawn[NOISES[name].name] * rng.standard_normal(rows)
         measured.append(getattr(rebound, name) + scatter)
     impacts = np.column_stack([incident, *measured])
     return Truth(drawn, impacts, rebound.contact_time, ahead)

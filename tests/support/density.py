@@ -40,11 +40,16 @@ TRUTH = {
     "clock": 0.9995,
     "tilt": 4e-3,
     "court_height": 1.2e-3,
+    "row_delay": 6e-4,
     "ball_mass": 0.0575,
     "inertia_ratio": 0.555,
     "speed_sd": 0.2,
     "angle_sd": 0.02,
 }
+# What impacts of a camera share.
+CAMERA = ("scale", "clock", "tilt", "court_height", "row_delay")
+# Standard gravity [m/s^2].
+G = 9.80665
 SDS = {
     "v_x1": 0.06,
     "v_y1": 0.05,
@@ -228,8 +233,8 @@ def log_prior_of_levels(problem, level, values):
 
 
 def camera_errors(problem, values, k):
-    """Scale, clock, tilt and height of the court in the session of the k-th impact."""
-    errors = {"scale": 1.0, "clock": 1.0, "tilt": 0.0, "court_height": 0.0}
+    """Scale, clock, tilt, height of the court and row delay in the session of the k-th impact."""
+    errors = dict.fromkeys(CAMERA, 0.0) | {"scale": 1.0, "clock": 1.0}
     session = ""
     if "session" in problem.table.labels:
         session = problem.table.labels["session"][k]
@@ -250,12 +255,15 @@ def seen_by(problem, values, k, state):
     for level in problem.forward.levels:
         label = problem.table.labels[level.column][k]
         parameters[level.parameter] = values[level.name(label)]
-    scale, clock, tilt, height = camera_errors(problem, values, k)
+    scale, clock, tilt, height, delay = camera_errors(problem, values, k)
     cos = np.cos(tilt)
     sin = np.sin(tilt)
     turn = np.array([[cos, -sin], [sin, cos]])
-    v_x1, v_y1 = scale / clock * turn @ state[:2]
-    omega_1 = state[2] / clock
+    # While the ball lands or rises, rows are read earlier or later than they seem to be.
+    longer = 1.0 + delay * state[1]
+    slower = np.array([0.0, G * height / state[1]])
+    v_x1, v_y1 = scale / clock * turn @ (state[:2] - slower) / longer
+    omega_1 = state[2] / clock / longer
     if v_y1 <= 0.0 or state[1] <= 0.0:
         return None
     rebound = problem.forward.model.evaluate(
@@ -266,8 +274,12 @@ def seen_by(problem, values, k, state):
     if rebound.status[0, 0]:
         return None
     v_x2, v_y2 = clock / scale * turn @ [rebound.v_x2[0, 0], rebound.v_y2[0, 0]]
-    omega_2 = clock * rebound.omega_2[0, 0]
     path = rebound.gap_path[0, 0] / scale
+    v_y2 += G * height / v_y2
+    longer = 1.0 + delay * v_y2
+    v_x2 /= longer
+    v_y2 /= longer
+    omega_2 = clock * rebound.omega_2[0, 0] / longer
     # Flights are cut at the height that was assumed: that much earlier and later.
     earlier = height / state[1]
     later = (height + path * sin) / v_y2
@@ -278,7 +290,7 @@ def seen_by(problem, values, k, state):
         "theta_2": np.arctan2(v_y2, v_x2),
         "omega_2": omega_2,
         "contact_time": rebound.contact_time[0, 0],
-        "gap_time": rebound.gap_time[0, 0] / clock - earlier - later,
+        "gap_time": rebound.gap_time[0, 0] / clock - earlier - later + delay * path * sin,
         "gap_path": path * cos - earlier * state[0] - later * v_x2,
         "gap_turn": rebound.gap_turn[0, 0] - earlier * state[2] - later * omega_2,
     }
@@ -420,5 +432,4 @@ def log_posterior(problem, values, without=()):
 
 def without_camera(values):
     """Values but those of a camera."""
-    camera = ("scale", "clock", "tilt", "court_height")
-    return {name: value for name, value in values.items() if name.partition("[")[0] not in camera}
+    return {name: value for name, value in values.items() if name.partition("[")[0] not in CAMERA}
