@@ -44,9 +44,8 @@ def draw_strip(seen: Seen, ball: Sightings) -> Figure:
     axes.imshow(_pasted(seen, ball), extent=_extent(0.0, 0.0, width, height), **levels)
     _draw_circles(axes, ball)
     _draw_level(axes, seen, ball)
-    shown = np.unique(np.linspace(0, len(ball.crops) - 1, _CROPS).round().astype(int))
     frames = ball.frame.tolist()
-    for place, number in enumerate(shown.tolist()):
+    for place, number in enumerate(_spread(len(ball.crops))):
         crop = ball.crops[number]
         row = frames.index(crop.frame)
         part = _around(crop, ball.x[row], ball.y[row], _SHOWN * ball.radius[row])
@@ -57,6 +56,12 @@ def draw_strip(seen: Seen, ball: Sightings) -> Figure:
         _circles(axes, middle - 0.5, np.array([size]), _colour(bool(ball.used[row])))
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height + cell - 0.5, -0.5))
     return figure
+
+
+def _spread(count: int) -> list[int]:
+    """Numbers of crops that are shown, evenly spread among so many."""
+    numbers = np.linspace(0, count - 1, min(count, _CROPS))
+    return [int(number) for number in numbers.round()]
 
 
 def _extent(left: float, top: float, right: float, bottom: float) -> tuple[float, ...]:

@@ -37,7 +37,18 @@ class Film(Filmed, Result):
         return film
 
     @property
-    def _layout(self) -> Layout:
-        from fitball.report.track import PAGE
+    def exit_code(self) -> int:
+        """1 if some of several films or recordings could not be used, else 0.
 
-        return PAGE.of(self)
+        Example:
+            >>> import fitball
+            >>> fitball.track("table_tennis_topspin").exit_code
+            0
+        """
+        return int(any(made is not None and made.refused for made in (self.watched, self.heard)))
+
+    @property
+    def _layout(self) -> Layout:
+        from fitball.report.track import PAGE, PAGE_OF_SOUND
+
+        return (PAGE if self.heard is None else PAGE_OF_SOUND).of(self)

@@ -48,6 +48,8 @@ _C3D = ".c3d"
 _BINARY = (".h5", ".hdf5", ".hdf", ".nc", _C3D)
 # Endings of texts that may be no table with a header.
 _TEXTS = (".txt", ".csv", ".tsv", ".xls")
+# Left and upper edge, width and height: `100,50,640,400`.
+_RECTANGLE = re.compile(",".join([r"\s*(\d{1,6})\s*"] * 4))
 # A length with its unit: `66mm`.
 _LENGTH_WITH_UNIT = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]+)\s*", re.IGNORECASE)
 
@@ -59,10 +61,11 @@ def scene_of(
     mm_per_px: float,
     ball_diameter: str,
     min_confidence: float | None = None,
+    row_time: float | None = None,
 ) -> Scene:
     """The scene of films: that which is passed, or the file beside the first film. Frames a second,
     millimetres a pixel and a diameter with its unit override it where they are not 0 or empty, and
-    the least confidence of a frame where it is passed.
+    the least confidence of a frame and the time of a row [s/px] where they are passed.
 
     Raises:
         ParameterError: the diameter is no length with a unit (`length`), or its unit is unknown.
@@ -82,6 +85,8 @@ def scene_of(
         camera = changed(camera, mm_per_px=mm_per_px)
     if min_confidence is not None:
         camera = changed(camera, min_confidence=min_confidence)
+    if row_time is not None:
+        camera = changed(camera, row_time=row_time)
     ball = scene.ball
     if ball_diameter:
         length = _LENGTH_WITH_UNIT.fullmatch(ball_diameter)
@@ -91,6 +96,22 @@ def scene_of(
         diameter = float(length[1]) * factor_of(length[2], "m")
         ball = changed(ball, radius=0.5 * diameter)
     return changed(scene, camera=camera, ball=ball)
+
+
+def region_of(text: str) -> tuple[int, int, int, int] | None:
+    """The rectangle X,Y,W,H [px] of a text, None of an empty one.
+
+    Raises:
+        ParameterError: it is no four whole numbers, or encloses nothing (`region`).
+    """
+    if not text:
+        return None
+    match = _RECTANGLE.fullmatch(text)
+    x, y, width, height = (int(number) for number in match.groups()) if match else (0, 0, 0, 0)
+    if not (width and height):
+        words = f"region: read '{one_line(text)}'; expected X,Y,W,H in whole pixels"
+        raise ParameterError(words, "region")
+    return x, y, width, height
 
 
 def read_tracks(
