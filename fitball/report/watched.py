@@ -20,7 +20,7 @@ from fitball.video.types import Clip, Seen, Sightings
 # Films that a first screen has a line of, and balls that a page has a picture of.
 _LINES = 12
 _MOST_PICTURES = 12
-# A shutter of less than this many sds is told by these alone.
+# A shutter of less than this many sds is texts by these alone.
 _MICROSECONDS = Unit("us", 1e6)
 # What says the rate of the camera.
 _BY = {"option": "as stated", "android tag": "by its tag", "stamps": "by its stamps"}
@@ -36,9 +36,9 @@ _NEXT = (
 
 def lines(watched: Watched) -> list[str]:
     """A line of each film: frames, rate, size of the ball, shutter, tilt, shake, exposure."""
-    told = [_line(seen) for seen in watched.seen[:_LINES]]
-    told += [f"{one_line(name)}: {why}" for name, why in watched.refused.items()]
-    return told
+    texts = [_line(seen) for seen in watched.seen[:_LINES]]
+    texts += [f"{one_line(name)}: {why}" for name, why in watched.refused.items()]
+    return texts
 
 
 def _line(seen: Seen) -> str:
