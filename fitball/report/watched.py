@@ -20,7 +20,7 @@ from fitball.video.types import Clip, Seen, Sightings
 # Films that a first screen has a line of, and balls that a page has a picture of.
 _LINES = 12
 _MOST_PICTURES = 12
-# A shutter of less than this many sds is texts by these alone.
+# The time of a row, as people read it.
 _MICROSECONDS = Unit("us", 1e6)
 # What says the rate of the camera.
 _BY = {"option": "as stated", "android tag": "by its tag", "stamps": "by its stamps"}
