@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from fitball.base.values import FloatArray
+from fitball.base.values import FloatArray, IntArray
 from fitball.video import kernels
 from fitball.video.views import View
 
@@ -18,7 +18,7 @@ SHAPE = (0, 1, 2, 3, 4)
 EXPOSURE, BLUR = 5, 6
 SHARED = (0, 1, 2, EXPOSURE, BLUR)
 # Pixels that are used of a large ball.
-_MOST_PIXELS = 2200
+_MOST_PIXELS = 1200
 # Noise of the camera is at least so large, and felt and marks are a share of the contrast.
 _LEAST_NOISE = 2e-3
 _TEXTURE = 0.06
@@ -33,7 +33,7 @@ _TRIALS = 5
 # Shades that hardly differ are kept apart by this share of their weight.
 _RIDGE = 1e-6
 # The fit ends when the sum of squares falls by less than this share.
-_CONVERGED = 2e-4
+_CONVERGED = 5e-4
 
 
 class Fitted(NamedTuple):
@@ -64,54 +64,70 @@ class Disc:
         self.view = view
         self.turned = turned
         self.longest = least_frame
-        rows, columns = view.image.shape
+        channels, rows, columns = view.image.shape
         x = np.tile(view.left + np.arange(columns), rows)
         y = np.repeat(view.top + np.arange(rows), columns)
         far = np.hypot(x - near[0], y - near[1])
-        image, back = view.image.ravel(), view.back.ravel()
+        image, back = view.image.reshape(channels, -1), view.back.reshape(channels, -1)
         outside = far > 1.25 * radius + 3.0 + 0.5e-3 * np.hypot(*view.velocity)
-        noise = 5e-3
+        noise = np.full(channels, 5e-3)
         # Brightness of the frame against that of the others.
         self.gain = 1.0
         if outside.sum() > 20:
-            self.gain = float(np.median((back[outside] + 0.02) / (image[outside] + 0.02)))
+            ratio = (back[:, outside] + 0.02) / (image[:, outside] + 0.02)
+            self.gain = float(np.median(ratio))
             image = image * self.gain
-            noise = max(1.48 * float(np.median(np.abs(image - back)[outside])), _LEAST_NOISE)
+            off = np.median(np.abs(image - back)[:, outside], axis=1)
+            noise = np.maximum(1.48 * off, _LEAST_NOISE)
         inside = far < 0.7 * radius
         if inside.any():
-            contrast = float(np.percentile(np.abs(image - back)[inside], 80))
-            noise = float(np.hypot(noise, _TEXTURE * contrast))
+            contrast = np.percentile(np.abs(image - back)[:, inside], 80, axis=1)
+            noise = np.hypot(noise, _TEXTURE * contrast)
         self.noise = noise
-        # Of the middle, where there is no edge, every other pixel.
-        grid = (np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 0).ravel()
+        # Of the middle, where there is no edge, one pixel of four.
+        grid = np.outer(np.arange(rows) % 2 == 0, np.arange(columns) % 2 == 0).ravel()
         keep = np.flatnonzero((far > 0.6 * radius) | grid)
-        keep = keep[:: max(1, len(keep) // _MOST_PIXELS)]
-        self.image = image[keep]
-        self.back = back[keep]
+        keep = keep[:: -(-len(keep) // _MOST_PIXELS)]
+        self.image = np.ascontiguousarray(image[:, keep])
+        self.back = np.ascontiguousarray(back[:, keep])
         self.x, self.y = (y[keep], x[keep]) if turned else (x[keep], y[keep])
         self.velocity = view.velocity[::-1].copy() if turned else view.velocity
         self.upper = 0.0
         # Brightness is any sum of these shades until the ball's own is known.
-        self.shades = np.eye(kernels.SHADES)
-        self.colour = np.zeros(kernels.SHADES)
-        self.look = np.zeros((2, 2))
+        self.shades = np.eye(channels * kernels.SHADES)
+        self.colour = np.zeros((channels, kernels.SHADES))
+        self.look = np.zeros((channels, 2, 2))
+        # Factors of the shades of the last fit.
+        self.factors = np.zeros(0)
 
-    def dress(self, light: Annotated[FloatArray, "4"], look: Annotated[FloatArray, "n n"]) -> None:
-        """Take the brightness of the ball as known but for a factor, and its look, marks turned, as
-        known.
+    def dress(
+        self,
+        light: Annotated[FloatArray, "channels 4"],
+        look: Annotated[FloatArray, "channels n n"],
+    ) -> None:
+        """Take the brightness of the ball as known but for a factor in each channel, and its look,
+        marks turned, as known.
         """
-        self.shades = light[[0, 2, 1, 3], None] if self.turned else light[:, None]
-        self.look = np.ascontiguousarray(look.T if self.turned else look)
+        channels = len(light)
+        light = light[:, [0, 2, 1, 3]] if self.turned else light
+        self.shades = np.zeros((channels * kernels.SHADES, channels))
+        for channel, own in enumerate(light):
+            first = kernels.SHADES * channel
+            self.shades[first : first + kernels.SHADES, channel] = own
+        self.factors = np.zeros(0)
+        self.look = np.ascontiguousarray(np.swapaxes(look, 1, 2) if self.turned else look)
 
     def fit(self, start: FloatArray, free: Sequence[int], steps: int = 8) -> Fitted:
         """The disc of least squares from a start, with these parameters free."""
         p = self._turn(start)
         count = self.shades.shape[1]
-        # Brightness enters linearly: one step finds it.
-        matrix, right, _ = self._normal(p, np.zeros(count))
-        shades = _solved(matrix, right, range(7, 7 + count), 0.0)
+        chosen = np.array([*free, *range(7, 7 + count)])
+        shades = self.factors
+        if not len(shades):
+            # Brightness enters linearly: one step finds it.
+            matrix, right, _ = self._normal(p, np.zeros(count))
+            shades = _solved(matrix, right, chosen[len(free) :], 0.0)
         matrix, right, sums = self._normal(p, shades)
-        chosen = [*free, *range(7, 7 + count)]
         damping = _DAMPING
         for _ in range(steps):
             for _ in range(_TRIALS):
@@ -132,15 +148,16 @@ class Disc:
             damping *= _EASIER
             if done:
                 break
-        block = matrix[np.ix_(chosen, chosen)]
+        block = matrix[chosen[:, None], chosen]
         scale = sums[0] / max(sums[2] - len(chosen), 1.0)
         variance = np.diag(np.linalg.pinv(block))[: len(free)] * scale
         sd = np.full(7, np.nan)
         sd[list(free)] = np.sqrt(np.maximum(variance, 0.0))
         rest, none, weights = sums
         quality = (none - rest) / max(none - min(0.95 * weights, rest), 0.3 * none)
-        colour = self.shades @ shades
-        self.colour = colour[[0, 2, 1, 3]] if self.turned else colour
+        self.factors = shades
+        colour = (self.shades @ shades).reshape(-1, kernels.SHADES)
+        self.colour = colour[:, [0, 2, 1, 3]] if self.turned else colour
         return Fitted(self._turn(p), self._turn(sd), float(quality))
 
     def _normal(
@@ -153,7 +170,7 @@ class Disc:
             self.y,
             p,
             self.velocity,
-            self.shades @ shades,
+            (self.shades @ shades).reshape(-1, kernels.SHADES),
             self.look,
             self.noise,
             self.upper,
@@ -178,11 +195,11 @@ class Disc:
 def _solved(
     matrix: FloatArray,
     right: FloatArray,
-    chosen: Sequence[int] | range,
+    chosen: IntArray,
     damping: float,
 ) -> FloatArray:
     """The step of these parameters, damped; shades that hardly matter stay."""
-    block = matrix[np.ix_(chosen, chosen)]
-    diagonal = np.diag(block)
-    ridge = (damping + _RIDGE) * diagonal + 1e-30
-    return np.asarray(np.linalg.solve(block + np.diag(ridge), right[list(chosen)]))
+    block = matrix[chosen[:, None], chosen]
+    diagonal = block.diagonal()
+    block.flat[:: len(chosen) + 1] += (damping + _RIDGE) * diagonal + 1e-30
+    return np.asarray(np.linalg.solve(block, right[chosen]))

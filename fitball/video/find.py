@@ -4,7 +4,7 @@ earth before and after it bounces; its own width is the ruler.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ from fitball.base.errors import Note
 from fitball.base.itf import GRAVITY
 from fitball.base.numbers import counted
 from fitball.base.progress import Progress
-from fitball.base.values import IntArray
+from fitball.base.values import FloatArray, IntArray
 from fitball.video.bounces import Chain, balls_of, frames_of
 from fitball.video.flights import Flight, flights_of, gravity_px
 from fitball.video.level import tilt_of
@@ -23,7 +23,7 @@ from fitball.video.marks import Marks, marks_of
 from fitball.video.shape import CLEAR, SEEN, Discs, Fitting
 from fitball.video.spots import Spots, spots_of
 from fitball.video.types import Clip, Estimate, Look, Seen, Sightings
-from fitball.video.views import course_of, views_of
+from fitball.video.views import View, course_of, views_of
 
 # The camera may shake by so much [px], 90 % of the time; less than the second is no shake.
 _MOST_SHAKE = 8.0
@@ -126,31 +126,37 @@ def _measured(
     views = views_of(clip, spots, course, radius, progress)
     fitting = Fitting(clip, course, views, radius)
     fitting.begin()
-    discs = fitting.measured()
-    if discs is None:
+    if not fitting.sized():
         return None, "what moves is no disc of one colour: no frame fits"
-    marks = _marks(clip, chain, discs)
-    fitted = [fitting.discs[k] for k in discs.frames.tolist()]
-    dress(fitted, discs.p[:, :3], marks, discs.quality > CLEAR)
-    discs = fitting.measured()
-    if discs is None:
+    frames, p, quality = fitting.rough()
+    marks = _marks(clip, spots, chain, views, frames, p)
+    dress([fitting.discs[k] for k in frames.tolist()], p[:, :3], marks, quality > CLEAR)
+    if not fitting.sized():
         return None, "what moves is no disc of one look: no frame fits"
+    discs = fitting.measured()
     reason = _no_ball(chain, discs, look)
     if reason:
         return None, reason
-    return _Ball(chain, discs, _marks(clip, chain, discs)), ""
+    return _Ball(chain, discs, _marks(clip, spots, chain, views, discs.frames, discs.p)), ""
 
 
-def _marks(clip: Clip, chain: Chain, discs: Discs) -> Marks:
-    views = [discs.views[k] for k in discs.frames.tolist()]
-    rows = _rows_of_flights(chain, discs)
-    return marks_of(views, discs.p[:, :3], discs.times, rows, clip.camera_rate)
+def _marks(
+    clip: Clip,
+    spots: Spots,
+    chain: Chain,
+    views: Mapping[int, View],
+    frames: IntArray,
+    p: FloatArray,
+) -> Marks:
+    rows = _rows_of_flights(chain, frames)
+    seen = [views[k] for k in frames.tolist()]
+    return marks_of(seen, p[:, :3], spots.times[frames], rows, clip.camera_rate)
 
 
-def _rows_of_flights(chain: Chain, discs: Discs) -> list[IntArray]:
-    """The rows of discs that belong to each flight."""
+def _rows_of_flights(chain: Chain, frames: IntArray) -> list[IntArray]:
+    """The rows of frames that belong to each flight."""
     cuts = [(a.frames[-1] + b.frames[0]) / 2.0 for a, b in pairwise(chain)]
-    side = np.digitize(discs.frames, cuts)
+    side = np.digitize(frames, cuts)
     return [np.flatnonzero(side == k) for k in range(len(chain))]
 
 
@@ -168,7 +174,7 @@ def _no_ball(chain: Chain, discs: Discs, look: Look) -> str:
     if look.rolling:
         return ""
     gravity = gravity_px(discs.radius, look.diameter)
-    for rows in _rows_of_flights(chain, discs):
+    for rows in _rows_of_flights(chain, discs.frames):
         clear = rows[discs.quality[rows] > SEEN]
         if len(clear) < _LEAST_FALLING:
             continue
@@ -189,7 +195,7 @@ def _colour_spread(discs: Discs) -> float:
     colours = []
     for k, p in zip(discs.frames[discs.quality > SEEN], discs.p[discs.quality > SEEN], strict=True):
         view = discs.views[int(k)]
-        rows, columns = view.image.shape
+        rows, columns = view.image.shape[1:]
         y, x = np.mgrid[:rows, :columns]
         near = np.hypot(x + view.left - p[0], y + view.top - p[1]) < 0.6 * p[2]
         if near.any():

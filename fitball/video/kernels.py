@@ -25,7 +25,6 @@ DISC = ("x", "y", "r", "stretch", "lean", "exposure", "blur")
 SHADES = 4
 # A look is on a square from -LOOK to LOOK radii about the centre.
 LOOK = 1.1
-_SIZE = len(DISC) + SHADES
 # Beyond so many sds of its blur an edge is sharp.
 _EDGE = 4.0
 
@@ -65,6 +64,34 @@ def moved(plane: Bytes, x: float, y: float, out: Bytes) -> None:
             top = plane[above, before] * (np.float32(1.0) - right) + plane[above, after] * right
             low = plane[below, before] * (np.float32(1.0) - right) + plane[below, after] * right
             out[i, j] = np.uint8(top + (low - top) * lower + np.float32(0.5))
+
+
+@entry
+def between(
+    plane: Annotated[Bytes, "rows columns"],
+    first: tuple[float, float],
+    step: tuple[float, float],
+    out: Annotated[Singles, "rows columns"],
+) -> None:
+    """Values at rows and columns from the `first` one on, `step` pixels apart: linear between
+    pixels, the edges repeated.
+    """
+    rows, columns = plane.shape
+    for i in range(out.shape[0]):
+        row = first[0] + step[0] * i
+        above = math.floor(row)
+        lower = row - above
+        a = min(max(above, 0), rows - 1)
+        b = min(max(above + 1, 0), rows - 1)
+        for j in range(out.shape[1]):
+            column = first[1] + step[1] * j
+            before = math.floor(column)
+            right = column - before
+            c = min(max(before, 0), columns - 1)
+            d = min(max(before + 1, 0), columns - 1)
+            top = plane[a, c] * (1.0 - right) + plane[a, d] * right
+            low = plane[b, c] * (1.0 - right) + plane[b, d] * right
+            out[i, j] = top * (1.0 - lower) + low * lower
 
 
 @entry
@@ -263,60 +290,91 @@ def _summed(labels: Any, parent: Any, strengths: FloatArray, count: int, most: i
 
 @entry
 def disc(
-    image: Annotated[FloatArray, "pixels"],
-    back: Annotated[FloatArray, "pixels"],
+    image: Annotated[FloatArray, "channels pixels"],
+    back: Annotated[FloatArray, "channels pixels"],
     x: Annotated[FloatArray, "pixels"],
     y: Annotated[FloatArray, "pixels"],
     p: Annotated[FloatArray, "7"],
     velocity: Annotated[FloatArray, "2"],
-    shades: Annotated[FloatArray, "4"],
-    look: Annotated[FloatArray, "size size"],
-    noise: float,
+    shades: Annotated[FloatArray, "channels 4"],
+    look: Annotated[FloatArray, "channels size size"],
+    noise: Annotated[FloatArray, "channels"],
     upper: float,
-) -> tuple[Annotated[FloatArray, "11 11"], Annotated[FloatArray, "11"], FloatArray]:
+) -> tuple[Annotated[FloatArray, "all all"], Annotated[FloatArray, "all"], FloatArray]:
     """Normal equations of a blurred, moving disc `p` (DISC) of brightness `shades` and a `look`
-    (its marks) before a background, in all of these parameters but the look: matrix, right side,
-    and three sums: of weighted squared residuals, robust; the same of the background alone; of
-    weights.
+    (its marks) before a background, in all of these parameters but the look, channel after channel:
+    matrix, right side, and three sums: of weighted squared residuals, robust; the same of the
+    background alone; of weights.
 
     The share of a pixel that the disc covers is that of a blurred edge, averaged over the exposure.
     Residuals count fully at the rim and by a quarter inside, where marks are; with `upper` above 0
     only where v < `upper` (a ball that lies on its shadow).
     """
-    matrix = np.zeros((_SIZE, _SIZE))
-    right = np.zeros(_SIZE)
+    channels = image.shape[0]
+    size = 7 + SHADES * channels
+    matrix = np.zeros((size, size))
+    right = np.zeros(size)
     sums = np.zeros(3)
-    g = np.zeros(_SIZE)
-    for k in range(image.shape[0]):
+    edge = np.zeros(7)
+    base = np.zeros(SHADES)
+    for k in range(image.shape[1]):
         dx = x[k] - p[0]
         dy = y[k] - p[1]
-        cover = _covered(dx, dy, p, velocity, g)
+        cover = _covered(dx, dy, p, velocity, edge)
         v = dy / ((1.0 + p[3]) * p[2])
         u = (dx - p[4] * dy) / p[2]
         d2 = u * u + v * v
-        inside = _shaded(u, v, d2, cover, 2.0 * p[6] / p[2], shades, look, g)
-        bright = inside / max(cover, 1e-3) - back[k]
-        for i in range(7):
-            g[i] *= bright
-        residual = (image[k] - back[k] * (1.0 - cover) - inside) / noise
-        empty = (image[k] - back[k]) / noise
         weight = 0.25 + 0.75 * _step(25.0 * (math.sqrt(d2) - 0.75))
         if upper > 0.0:
             weight *= 0.02 + 0.98 * _step(12.0 * (upper - v))
         weight *= weight
-        robust = 1.0 / (1.0 + residual * residual / 36.0)
-        sums[0] += weight * residual * residual * robust
-        sums[1] += weight * empty * empty / (1.0 + empty * empty / 36.0)
-        sums[2] += weight
-        robust *= robust * weight / (noise * noise)
-        for i in range(_SIZE):
-            right[i] += robust * g[i] * residual * noise
-            for j in range(i + 1):
-                matrix[i, j] += robust * g[i] * g[j]
-    for i in range(_SIZE):
+        _shaded(u, v, d2, 2.0 * p[6] / p[2], base)
+        for c in range(channels):
+            ball = _sampled(look[c], base[1], base[2])
+            for i in range(SHADES):
+                ball += shades[c, i] * base[i]
+            bright = ball - back[c, k]
+            residual = (image[c, k] - back[c, k] - cover * bright) / noise[c]
+            empty = (image[c, k] - back[c, k]) / noise[c]
+            robust = 1.0 / (1.0 + residual * residual / 36.0)
+            sums[0] += weight * residual * residual * robust
+            sums[1] += weight * empty * empty / (1.0 + empty * empty / 36.0)
+            sums[2] += weight
+            robust *= robust * weight / (noise[c] * noise[c])
+            _added(matrix, right, edge, bright, base, cover, robust, residual * noise[c], c)
+    for i in range(size):
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     return matrix, right, sums
+
+
+@_part
+def _added(
+    matrix: FloatArray,
+    right: FloatArray,
+    edge: FloatArray,
+    bright: float,
+    base: FloatArray,
+    cover: float,
+    weight: float,
+    residual: float,
+    channel: int,
+) -> None:
+    """Add a pixel of a channel to the lower half of the normal equations."""
+    first = 7 + SHADES * channel
+    if abs(edge[2]) > 0.0:
+        for i in range(7):
+            g = weight * edge[i] * bright
+            right[i] += g * residual
+            for j in range(i + 1):
+                matrix[i, j] += g * edge[j] * bright
+    for i in range(SHADES):
+        g = weight * base[i] * cover
+        right[first + i] += g * residual
+        for j in range(7):
+            matrix[first + i, j] += g * edge[j] * bright
+        for j in range(i + 1):
+            matrix[first + i, first + j] += g * base[j] * cover
 
 
 @_part
@@ -363,30 +421,15 @@ def _covered(dx: float, dy: float, p: FloatArray, velocity: FloatArray, g: Float
 
 
 @_part
-def _shaded(
-    u: float,
-    v: float,
-    d2: float,
-    cover: float,
-    soft: float,
-    shades: FloatArray,
-    look: FloatArray,
-    g: FloatArray,
-) -> float:
-    """Light of the disc in a pixel, and in `g` its derivatives by the shades."""
+def _shaded(u: float, v: float, d2: float, soft: float, base: FloatArray) -> None:
+    """The functions of brightness in a pixel, into `base`."""
     # The height is blurred as well, else its slope at the rim makes the residuals jump.
     height = math.sqrt(0.5 * (1.0 - d2 + math.sqrt((1.0 - d2) ** 2 + soft * soft)))
     near = min(1.0, 1.6 / math.sqrt(d2 + 1e-9))
-    u *= near
-    v *= near
-    g[7] = cover
-    g[8] = cover * u
-    g[9] = cover * v
-    g[10] = cover * height
-    inside = cover * _sampled(look, u, v)
-    for i in range(SHADES):
-        inside += shades[i] * g[7 + i]
-    return float(inside)
+    base[0] = 1.0
+    base[1] = u * near
+    base[2] = v * near
+    base[3] = height
 
 
 @_part

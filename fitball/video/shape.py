@@ -25,8 +25,8 @@ from fitball.video.types import Clip, Estimate
 from fitball.video.views import Course, View
 
 # A disc is seen if it explains so much of the difference from the background.
-SEEN = 0.5
-CLEAR = 0.6
+SEEN = 0.4
+CLEAR = 0.5
 # Fewest frames in which it is.
 LEAST_FRAMES = 6
 # Exposure [share of the time between frames] and blur [px] from which fits start.
@@ -188,15 +188,23 @@ class Fitting:
         along, across = (x, y) if self.turned else (y, x)
         return self.direction * float(along), self.direction * float(across)
 
-    def measured(self) -> Discs | None:
-        """The discs of all frames, with what they share; None where too few show one."""
+    def sized(self) -> bool:
+        """Exposure, blur and radii anew; whether enough frames show the disc."""
         if len(self.clear()) < LEAST_FRAMES:
-            return None
+            return False
         self.share()
         self.free_radii()
-        if len(self.clear()) < LEAST_FRAMES:
-            return None
+        return len(self.clear()) >= LEAST_FRAMES
+
+    def measured(self) -> Discs:
+        """The discs of all frames, with what they share."""
         return self.placed(*self.row_time())
+
+    def rough(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Frames, discs (frames, 7) and qualities as they were fitted last."""
+        frames = np.array(sorted(self.fits))
+        fits = [self.fits[k] for k in frames.tolist()]
+        return frames, np.array([fit.p for fit in fits]), np.array([fit.quality for fit in fits])
 
     def placed(self, row_time: Estimate, constant: FloatArray) -> Discs:
         """Places of all frames, with radii smoothed and shapes as the row time makes them."""

@@ -13,9 +13,10 @@ import numpy as np
 
 from fitball.base.progress import Progress
 from fitball.base.values import FloatArray, IntArray
+from fitball.video import kernels
 from fitball.video.flights import Flight, gravity_px
 from fitball.video.spots import Spots
-from fitball.video.types import Clip, Crop, Frame, Plane
+from fitball.video.types import Clip, Crop, Frame
 
 # Exponent by which a camera's levels become light.
 GAMMA = 2.2
@@ -56,8 +57,8 @@ class View:
     time: float
     left: float
     top: float
-    image: Annotated[FloatArray, "rows columns"]
-    back: Annotated[FloatArray, "rows columns"]
+    image: Annotated[FloatArray, "3 rows columns"]
+    back: Annotated[FloatArray, "3 rows columns"]
     velocity: Annotated[FloatArray, "2"]
     shift: Annotated[FloatArray, "2"]
     crop: Crop
@@ -185,30 +186,15 @@ def _planes(
     shift: Annotated[FloatArray, "2"],
 ) -> Annotated[FloatArray, "3 rows columns"]:
     """Luma and both colour differences of a part, moved by a shift [px] of the camera."""
-    columns = part.left + np.arange(part.columns)
-    rows = part.top + np.arange(part.rows)
-    height, width = frame.luma.shape
-    if np.abs(shift).max() > 0.0:
-        luma = _between(frame.luma, rows + shift[1], columns + shift[0])
-    else:
-        box = slice(part.top, part.top + part.rows), slice(part.left, part.left + part.columns)
-        luma = frame.luma[box].astype(np.float32)
-    i = np.clip((rows * frame.chroma.shape[0]) // height, 0, frame.chroma.shape[0] - 1)
-    j = np.clip((columns * frame.chroma.shape[1]) // width, 0, frame.chroma.shape[1] - 1)
-    colours = frame.chroma[i[:, None], j].astype(np.float32)
-    return np.stack([luma, colours[..., 0], colours[..., 1]])
-
-
-def _between(plane: Plane, rows: FloatArray, columns: FloatArray) -> FloatArray:
-    """Values between pixels, linear; edges repeated."""
-    height, width = plane.shape
-    row, column = np.floor(rows).astype(int), np.floor(columns).astype(int)
-    lower, right = (rows - row)[:, None], (columns - column)[None, :]
-    i = [np.clip(row + step, 0, height - 1) for step in (0, 1)]
-    j = [np.clip(column + step, 0, width - 1) for step in (0, 1)]
-    upper = plane[np.ix_(i[0], j[0])] * (1.0 - right) + plane[np.ix_(i[0], j[1])] * right
-    below = plane[np.ix_(i[1], j[0])] * (1.0 - right) + plane[np.ix_(i[1], j[1])] * right
-    return np.asarray(upper * (1.0 - lower) + below * lower, np.float32)
+    out = np.empty((3, part.rows, part.columns), np.float32)
+    row, column = part.top + float(shift[1]), part.left + float(shift[0])
+    kernels.between(frame.luma, (row, column), (1.0, 1.0), out[0])
+    # Colour differences are of pixels as large as several of luma.
+    down, across = (frame.chroma.shape[k] / frame.luma.shape[k] for k in (0, 1))
+    first = (row + 0.5) * down - 0.5, (column + 0.5) * across - 0.5
+    for k in (0, 1):
+        kernels.between(frame.chroma[..., k], first, (down, across), out[k + 1])
+    return out.astype(float)
 
 
 def _view(
@@ -228,8 +214,8 @@ def _view(
         float(spots.times[part.index]),
         part.left - float(shift[0]),
         part.top - float(shift[1]),
-        _light(own[0], clip),
-        _light(background[0], clip),
+        _light(own, clip),
+        _light(background, clip),
         velocity,
         shift,
         crop,
@@ -237,7 +223,11 @@ def _view(
     )
 
 
-def _light(luma: FloatArray, clip: Clip) -> FloatArray:
-    """Luma as light, as a share of white."""
-    share = (luma.astype(float) - clip.black) / (clip.white - clip.black)
-    return np.asarray(np.clip(share, 0.0, 1.0) ** GAMMA)
+def _light(planes: Annotated[FloatArray, "3 rows columns"], clip: Clip) -> FloatArray:
+    """Red, green and blue light, as shares of white, of luma and colour differences (BT.709)."""
+    luma = (planes[0].astype(float) - clip.black) / (clip.white - clip.black)
+    # Colour differences have 224 levels where luma has 219.
+    span = 224.0 / 219.0 * (clip.white - clip.black)
+    blue, red = (planes[1:].astype(float) - 128.0) / span
+    rgb = np.stack([luma + 1.5748 * red, luma - 0.1873 * blue - 0.4681 * red, luma + 1.8556 * blue])
+    return np.asarray(np.clip(rgb, 0.0, 1.0) ** GAMMA)

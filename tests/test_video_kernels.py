@@ -1,0 +1,113 @@
+"""The fit of a blurred disc, and spins of textures, against pictures made without them."""
+
+import numpy as np
+import pytest
+
+from fitball.video.bounces import balls_of
+from fitball.video.disc import PLACE_AND_RADIUS, Disc
+from fitball.video.flights import flights_of
+from fitball.video.level import tilt_of
+from fitball.video.shake import Steadying
+from fitball.video.types import Crop
+from fitball.video.views import View
+
+GRAVITY = 9.81
+DIAMETER = 0.066
+
+
+def picture(x: float, y: float, radius: float, length: float) -> np.ndarray:
+    """Share (60, 60) of pixels that a disc covers, smeared along x over a length: counted on a grid
+    nine times as fine.
+    """
+    fine = (np.arange(60 * 9) + 0.5) / 9 - 0.5
+    covered = np.zeros((60 * 9, 60 * 9))
+    for share in (np.arange(9) + 0.5) / 9 - 0.5:
+        covered += np.hypot(fine - x - share * length, fine[:, None] - y) < radius
+    return covered.reshape(60, 9, 60, 9).mean((1, 3)) / 9
+
+
+@pytest.mark.parametrize("length", [0.0, 4.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_centre_of_a_disc_is_found_to_a_fiftieth_of_a_pixel(
+    length: float, turned: bool
+) -> None:
+    covered = picture(29.3, 30.6, 14.2, length)
+    image = np.stack([0.1 + 0.6 * covered, 0.2 + 0.3 * covered, 0.5 - 0.4 * covered])
+    back = np.broadcast_to(np.array([0.1, 0.2, 0.5])[:, None, None], image.shape).copy()
+    crop = Crop(0, 0, 0, np.zeros((60, 60), np.uint8))
+    velocity, exposure = np.array([4000.0, 0.0]), length / 4000.0
+    view = View(0, 0.0, 0.0, 0.0, image, back, velocity, np.zeros(2), crop, image)
+    disc = Disc(view, np.array([30.0, 30.0]), 15.0, turned, 0.004)
+    start = np.array([30.0, 30.0, 15.0, 0.0, 0.0, exposure, 0.5])
+    found = disc.fit(start, PLACE_AND_RADIUS, 20)
+    assert found.p[:2] == pytest.approx([29.3, 30.6], abs=0.02)
+    # Its edge is sharper than the least blur of a fit: the radius is known less well.
+    assert found.p[2] == pytest.approx(14.2, abs=0.15)
+    assert found.quality > 0.95
+
+
+def spots_of_ball(gravity: float) -> tuple[list[np.ndarray], np.ndarray]:
+    """Spots of a ball of 20 px radius that falls and bounces, at 240/s."""
+    times = np.arange(60) / 240.0
+    metre = 40.0 / DIAMETER
+    t = times - 0.12
+    down = -3.0 * t - 0.5 * gravity * t**2
+    up = 2.4 * t - 0.5 * gravity * t**2
+    height = np.where(t < 0.0, down, up)
+    rows = [
+        np.array([[600.0 + 2.0 * s * metre, 500.0 - h * metre, 20.0, 9.0]])
+        for s, h in zip(t, height, strict=True)
+    ]
+    return rows, times
+
+
+@pytest.mark.parametrize(("gravity", "balls"), [(GRAVITY, 1), (0.15, 0), (80.0, 0)])
+def test_only_what_falls_as_on_earth_is_a_ball(gravity: float, balls: int) -> None:
+    found, times = spots_of_ball(gravity)
+    chains = balls_of(flights_of(found, times, DIAMETER), DIAMETER)
+    assert len(chains) == balls
+    if balls:
+        before, after = chains[0]
+        assert before.times[-1] < 0.13 and after.times[0] > 0.11
+        assert len(before.frames) > 20 and len(after.frames) > 20
+
+
+def test_pieces_of_one_flight_are_joined_and_a_bounce_is_not() -> None:
+    found, times = spots_of_ball(GRAVITY)
+    for k in range(10, 16):
+        found[k] = np.zeros((0, 4))
+    flights = flights_of(found, times, DIAMETER)
+    assert sorted(len(flight.frames) for flight in flights)[-2:] == pytest.approx([24, 30], abs=3)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.02, -0.035])
+def test_level_edges_show_the_tilt(slope: float) -> None:
+    y, x = np.mgrid[:360, :960].astype(float)
+    height = y + np.tan(slope) * (x - 480.0)
+    noise = np.random.default_rng(5).normal(0.0, 3.0, y.shape)
+    edges = 60.0 + 60.0 / (1.0 + np.exp(-np.clip(height - 160.0, -20.0, 20.0) / 0.7)) + noise
+    tilt = tilt_of(np.clip(edges, 0, 255).astype(np.uint8))
+    assert tilt.value == pytest.approx(slope, abs=0.002)
+    assert tilt.sd < 0.002
+
+
+def test_a_picture_without_edges_says_nothing_of_the_tilt() -> None:
+    noise = np.random.default_rng(6).normal(100.0, 5.0, (240, 320))
+    tilt = tilt_of(noise.astype(np.uint8))
+    assert tilt.sd > 0.005
+
+
+def test_the_shift_of_a_camera_is_found_beside_a_thing_that_moves() -> None:
+    y, x = np.mgrid[:300, :400].astype(float)
+
+    def scene(dx: float, dy: float, walker: float) -> np.ndarray:
+        u, v = x + dx, y + dy
+        waves = np.sin(u / 9.0) + np.sin(v / 11.0) + np.sin((u + v) / 13.0)
+        picture = 120.0 + 30.0 * waves
+        picture[:, int(walker) : int(walker) + 60] = 40.0
+        return picture.astype(np.uint8)
+
+    steady = Steadying(scene(0.0, 0.0, 100.0))
+    assert steady.known
+    moved = 2.0 * steady.shift(scene(1.7, -0.9, 130.0))
+    assert moved == pytest.approx([-1.7, 0.9], abs=0.1)
