@@ -65,6 +65,7 @@ COMMANDS = {
     "studies": [
         "scripts/validation/sbc.py WORK --only grip-slip --tables 100",
         "scripts/validation/films.py --films 10",
+        "scripts/validation/home_films.py WORK --sessions 10",
     ],
 }
 # The checker of a user's script, besides mypy.
