@@ -77,6 +77,16 @@ def near(numbers, wanted):
     return any(abs(number - wanted) <= 1e-9 * wanted for number in numbers)
 
 
+def test_recipes_of_the_page_are_those_that_are_run(wang, exported):
+    text = engine_page.settings_page([wang], "")
+    lines = {line.removeprefix("    ") for line in text.splitlines()}
+    (of_set,) = exported["sets"]
+    for code in (*of_set["recipes"].values(), *of_set["ports"].values()):
+        indented = "\n".join(f"    {line}".rstrip() for line in code.splitlines())
+        assert indented in text
+        assert {*code.splitlines()} <= lines
+
+
 def test_what_is_promised_was_run():
     for key, one in engines().items():
         # Numbers and a recipe go together, and both with a run.
