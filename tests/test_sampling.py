@@ -8,13 +8,15 @@ from numpy.testing import assert_allclose
 from support.density import REBOUND, problem_of, scene_of, table_of
 from support.line import exact, line_problem
 
-from fitball.base.errors import FitError
+from fitball.base.errors import FitError, ParameterError
+from fitball.inference.density import log_posterior
 from fitball.inference.effort import Effort
 from fitball.inference.sampling import chains
 from fitball.inference.sampling import sample as sampling
 from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.sampling.importance import Student
 from fitball.inference.sampling.sample import sample
+from fitball.inference.sampling.target import Target
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective
 
@@ -47,7 +49,7 @@ def check_moments(problem, posterior, size):
     assert np.all(np.abs(best - centre) < 0.2 * sds)
 
 
-def test_chains_have_the_moments_of_the_exact_posterior(monkeypatch):
+def test_weighted_draws_that_chains_confirm_have_the_moments_of_the_exact_posterior():
     problem = line_problem()
     stages = []
     shares = []
@@ -59,51 +61,91 @@ def test_chains_have_the_moments_of_the_exact_posterior(monkeypatch):
     posterior, diagnostics = sample(problem, start_proposals(problem), Effort(), shown)
     assert diagnostics.converged
     assert diagnostics.complaints == ()
-    assert diagnostics.pareto_k is None
+    assert diagnostics.in_full == ""
+    assert diagnostics.by_weights
+    assert diagnostics.warm_up == 0
+    assert diagnostics.pareto_k <= sampling.GOOD_K
     assert max(diagnostics.r_hat.values()) < 1.01
-    assert min(diagnostics.ess_bulk.values()) > 1000.0
-    assert min(diagnostics.ess_tail.values()) > 1000.0
-    steps = diagnostics.steps - diagnostics.warm_up
-    assert posterior.values.shape == (4, steps, 16, 2)
-    check_moments(problem, posterior, 1000.0)
-    monkeypatch.setattr(sampling, "TARGET_R_HAT", min(diagnostics.r_hat.values()))
-    _, worse = sample(problem, start_proposals(problem), Effort(), quiet)
-    assert worse.r_hat == diagnostics.r_hat
-    assert not worse.converged
-    assert len(worse.complaints) == 2
+    size = min(*diagnostics.ess_bulk.values(), *diagnostics.ess_tail.values())
+    # Those of weights alone, and of chains beside them.
+    assert size > sampling.MOST_SIZE + 500.0
+    ensembles, _, _, _ = posterior.values.shape
+    assert ensembles == 4
+    assert posterior.log_density.size >= size
+    check_moments(problem, posterior, size)
     assert set(stages) == {"sampling"}
     assert min(shares) >= 0.0
     assert max(shares) <= 1.0
 
 
-def test_weighted_draws_of_a_long_table_have_them_too(monkeypatch):
-    problem = line_problem(copies=2)
-    monkeypatch.setattr(sampling, "LONG_ROWS", 20)
-    posterior, diagnostics = sample(problem, start_proposals(problem), Effort(), quiet)
+def test_emcee_in_full_has_them_too(monkeypatch):
+    problem = line_problem()
+    effort = Effort(sampler="emcee")
+    posterior, diagnostics = sample(problem, start_proposals(problem), effort, quiet)
     assert diagnostics.converged
-    assert diagnostics.r_hat is None
-    assert diagnostics.pareto_k < 0.7
-    ensembles, _, walkers, _ = posterior.values.shape
-    assert ensembles == 1
-    assert walkers == 1
-    check_moments(problem, posterior, min(diagnostics.ess_bulk.values()))
-    for name, value in (("RELIABLE_K", diagnostics.pareto_k - 0.01), ("SPARE", 0.3)):
-        with monkeypatch.context() as patch:
-            patch.setattr(sampling, name, value)
-            _, worse = sample(problem, start_proposals(problem), Effort(), quiet)
-        assert not worse.converged
-        assert len(worse.complaints) == 1
+    assert diagnostics.in_full
+    assert not diagnostics.by_weights
+    # The ensembles begin in equilibrium.
+    assert diagnostics.warm_up == 0
+    assert min(*diagnostics.ess_bulk.values(), *diagnostics.ess_tail.values()) > 1000.0
+    check_moments(problem, posterior, 1000.0)
+    monkeypatch.setattr(sampling, "TARGET_R_HAT", min(diagnostics.r_hat.values()))
+    _, worse = sample(problem, start_proposals(problem), effort, quiet)
+    assert worse.r_hat == diagnostics.r_hat
+    assert not worse.converged
+    assert len(worse.complaints) == 2
 
 
-@pytest.mark.parametrize("long", [20, 3000])
-def test_the_same_seed_gives_the_same_bytes(long, monkeypatch):
-    problem = line_problem(copies=2)
-    effort = Effort(seed=7, max_steps=100)
-    monkeypatch.setattr(sampling, "LONG_ROWS", long)
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [("GOOD_K", -1.0), ("LEAST_SIZE", 1e5), ("MOST_OF_CENTRE", 0.1)],
+)
+def test_weights_that_a_guard_refuses_are_not_the_posterior(name, limit, monkeypatch):
+    problem = line_problem()
+    monkeypatch.setattr(sampling, name, limit)
+    monkeypatch.setattr(sampling, "MOST_SIZE", 2000.0)
+    posterior, diagnostics = sample(problem, start_proposals(problem), Effort(), quiet)
+    assert diagnostics.in_full
+    assert diagnostics.converged
+    check_moments(problem, posterior, 1000.0)
+
+
+def test_an_unknown_sampler():
+    with pytest.raises(ParameterError) as caught:
+        Effort(sampler="nuts")
+    assert caught.value.code == "effort"
+
+
+@pytest.mark.parametrize("sampler", ["weighted", "emcee"])
+def test_the_same_seed_gives_the_same_bytes(sampler):
+    problem = line_problem(copies=2, noise=None)
+    effort = Effort(seed=7, max_steps=100, sampler=sampler)
     first, _ = sample(problem, start_proposals(problem), effort, quiet)
     again, _ = sample(problem, start_proposals(problem), effort, quiet)
     assert first.values.tobytes() == again.values.tobytes()
     assert first.log_density.tobytes() == again.log_density.tobytes()
+
+
+def test_draws_with_scatter_drawn_again_have_the_density_of_the_posterior():
+    problem = line_problem(noise=None)
+    posterior, diagnostics = sample(problem, start_proposals(problem), Effort(), quiet)
+    assert posterior.names == problem.free
+    q = problem.prior.coordinate(posterior.values.reshape(-1, 3))
+    assert_allclose(posterior.log_density.ravel(), log_posterior(problem, q), rtol=1e-8)
+    assert {*diagnostics.r_hat} == {*problem.free}
+    # Weighted draws of the whole posterior, by scatter not integrated.
+    plain = sampling.adaptive_draws(
+        lambda at: log_posterior(problem, at),
+        start_proposals(problem),
+        np.random.default_rng(5),
+        4000.0,
+    )
+    weights = np.exp(plain.log_weights)
+    mean = weights @ plain.x
+    sds = np.sqrt(weights @ (plain.x - mean) ** 2)
+    # Five standard errors of 4,000 draws on either side.
+    assert np.all(np.abs(q.mean(axis=0) - mean) < 0.11 * sds)
+    assert_allclose(q.std(axis=0) / sds, 1.0, atol=0.1)
 
 
 def test_chains_that_have_not_converged_are_reported():
@@ -114,7 +156,8 @@ def test_chains_that_have_not_converged_are_reported():
         "two-mass",
         noise="student-t",
     )
-    posterior, diagnostics = sample(problem, start_proposals(problem), Effort(max_steps=100), quiet)
+    effort = Effort(max_steps=100, sampler="emcee")
+    posterior, diagnostics = sample(problem, start_proposals(problem), effort, quiet)
     assert not diagnostics.converged
     assert diagnostics.complaints
     assert diagnostics.steps == diagnostics.warm_up + 100
@@ -124,28 +167,39 @@ def test_chains_that_have_not_converged_are_reported():
 # Every fourth step is stored, 100 in all, and the first quarter of these is left out. Draws to
 # which proposals are fitted do not count.
 @pytest.mark.parametrize(("lessons", "stored"), [(0, 75), (2, 100)])
-def test_a_long_chain_is_thinned_evenly(lessons, stored, monkeypatch):
+@pytest.mark.parametrize("settled", [True, False])
+def test_a_long_chain_is_thinned_evenly(settled, lessons, stored, monkeypatch):
     problem = line_problem()
     monkeypatch.setattr(chains, "STORED_STEPS", 100)
     monkeypatch.setattr(chains, "FIRST_CHECK", 100)
     monkeypatch.setattr(chains, "TARGET_ESS", 1e9)
     monkeypatch.setattr(chains, "MOST_LESSONS", lessons)
+    monkeypatch.setattr(chains, "LEAST_GAIN", 0.0)
     rng = np.random.default_rng(0)
-    mixed, scores, rates, warm_up, steps = chains.run_chains(
-        problem,
-        start_proposals(problem),
+    target = Target(problem)
+    begin = start_proposals(problem)
+    x = begin[0].draw(rng, 1000)
+    scores = target.evaluate(x)
+    log_weights = scores[:, 0] - begin[0].log_density(x)
+    run = chains.run_chains(
+        target,
+        chains.Stock(x, scores, log_weights),
+        begin,
         rng,
         400,
         lambda _share: None,
+        settled=settled,
     )
-    assert warm_up == 160 + 100 * lessons
-    assert steps == 160 + 400
-    assert mixed.chains.shape[:2] == (4, stored)
-    assert scores.shape[:2] == (4, stored)
-    assert all(0.2 < rate < 0.9 for rate in rates)
+    of_starts = 0 if settled else 160
+    assert run.warm_up == of_starts + 100 * lessons
+    assert run.steps == of_starts + 400
+    assert run.mixing.chains.shape[:2] == (4, stored)
+    assert run.evaluated.shape[:2] == (4, stored)
+    assert all(0.2 < rate < 0.9 for rate in run.rates)
     centre, covariance = exact(problem)
     sds = np.sqrt(np.diagonal(covariance))
-    draws = mixed.chains.reshape(-1, 2)
+    draws = run.mixing.chains.reshape(-1, 2)
+    assert_allclose(run.evaluated[..., 0].ravel(), log_posterior(problem, draws))
     shift = draws.mean(axis=0) - centre
     assert np.all(np.abs(shift) < 0.1 * sds)
     assert_allclose(draws.std(axis=0) / sds, 1.0, atol=0.1)

@@ -6,10 +6,9 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from fitball.base.errors import ParameterError
+from fitball.base.errors import ParameterError, suggestion
 
-# Rows above which chains take too long: draws of an approximation are weighted instead, and
-# residual tests take evenly spread rows.
+# Rows at most, evenly spread, of which residuals are tested.
 LONG_ROWS = 3_000
 # Rows above which profiles are left out: standard errors are then as good.
 PROFILED_ROWS = 300
@@ -29,6 +28,9 @@ TARGET_R_HAT = 1.01
 # memory (80 MB).
 STATES_AT_ONCE = 500_000
 
+# How the posterior may be sampled.
+SAMPLERS = ("weighted", "emcee")
+
 
 class Effort(msgspec.Struct, frozen=True):
     """The effort of a fit. All random numbers come from the `seed`. If it is `point_only`, only the
@@ -43,6 +45,7 @@ class Effort(msgspec.Struct, frozen=True):
     point_only: bool = False
     max_steps: int = 20_000
     cores: int | None = None
+    sampler: str = "weighted"
 
     def __post_init__(self) -> None:
         for name, least in (("seed", 0), ("max_steps", 100), ("cores", 1)):
@@ -52,6 +55,10 @@ class Effort(msgspec.Struct, frozen=True):
                     f"read {name} = {value!r}; expected an int of at least {least}",
                     "effort",
                 )
+
+        if self.sampler not in SAMPLERS:
+            words = suggestion(self.sampler, SAMPLERS)
+            raise ParameterError(f"read sampler '{self.sampler}'; {words}", "effort")
 
     def stream(self, purpose: str) -> np.random.Generator:
         """Random numbers for a purpose, such as "search", "chains" or "predict". They do not depend
@@ -70,6 +77,7 @@ class StatedEffort(TypedDict, total=False):
     max_steps: int
     point_only: bool
     cores: int
+    sampler: str
 
 
 def stated_effort(
@@ -77,9 +85,11 @@ def stated_effort(
     max_steps: int | None,
     point_only: bool,
     cores: int,
+    sampler: str,
 ) -> StatedEffort:
     """The fields of an `Effort` that a user stated; the others have defaults, or stay as they were
-    in a stored fit. A number that is None, or no `cores`, was not stated.
+    in a stored fit. A number that is None, no `cores` and an empty `sampler` were not
+    stated.
     """
     stated: StatedEffort = {}
     if seed is not None:
@@ -90,4 +100,6 @@ def stated_effort(
         stated["point_only"] = True
     if cores:
         stated["cores"] = cores
+    if sampler:
+        stated["sampler"] = sampler
     return stated

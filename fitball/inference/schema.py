@@ -84,7 +84,8 @@ class LeastSquares(Struct, frozen=True):
 
 class Posterior(Struct, frozen=True):
     """The draws after warm-up of the free parameters `names`, in SI, and their log posterior
-    density. Weighted draws are resampled to one ensemble of one walker.
+    density. Weighted draws, drawn again with equal weights, are the first steps of each ensemble;
+    those of fits by earlier builds are one ensemble of one walker.
     """
 
     names: tuple[str, ...]
@@ -93,8 +94,13 @@ class Posterior(Struct, frozen=True):
 
 
 class Diagnostics(Struct, frozen=True):
-    """How well sampling converged: effective sample sizes and nested R-hat by parameter (R-hat is
-    None for weighted draws, which have no ensembles), the Pareto k of weights, complaints in words.
+    """How well sampling converged: effective sample sizes and nested R-hat by parameter, the Pareto
+    k of weights, complaints in words.
+
+    Effective sizes are those of weighted draws and chains together; warm-up, steps, acceptance and
+    R-hat are those of the chains. `in_full` says why emcee sampled alone, where it was not enough
+    that its chains confirm weighted draws. `pareto_k` is None where no weights are left. Fits by
+    earlier builds have no `in_full`; with weights they have no chains, and R-hat is None.
     """
 
     warm_up: int
@@ -106,6 +112,12 @@ class Diagnostics(Struct, frozen=True):
     pareto_k: float | None
     converged: bool
     complaints: tuple[str, ...]
+    in_full: str = ""
+
+    @property
+    def by_weights(self) -> bool:
+        """Whether the posterior has weighted draws."""
+        return self.pareto_k is not None and not self.in_full
 
 
 class Profile(Struct, frozen=True):

@@ -128,8 +128,8 @@ FIGURES: Mapping[str, FitFigure] = {
     "trace": FitFigure(
         parameters.draw_trace,
         _is_sampled,
-        "Some walkers of each ensemble after warm-up, a colour an ensemble. Grey: the median of "
-        "all.",
+        "Some walkers of each ensemble after warm-up, a colour an ensemble; first weighted draws, "
+        "if there are any. Grey: the median of all.",
         "Sampling and least squares",
         usual=False,
     ),
