@@ -69,10 +69,10 @@ EFFECTIVE_DRAWS = 700.0
 # Effective draws of the fit, with which all alternatives are compared, and where a move is not
 # surely above or below the limit.
 EFFECTIVE_OF_FIT = 2_000.0
-EFFECTIVE_WHERE_UNSURE = 10_000.0
+EFFECTIVE_WHERE_UNSURE = 4_000.0
 # Effective draws of an alternative at most, and bounces for them: a long table has fewer draws.
-MOST_EFFECTIVE = 20_000.0
-MOST_BOUNCES = 1e6
+MOST_EFFECTIVE = 4_000.0
+MOST_BOUNCES = 5e5
 # Factor by which there are more draws where a move is not surely above or below the limit.
 MORE_DRAWS = 3.0
 # Monte Carlo errors from the limit beyond which a move is surely above or below it.

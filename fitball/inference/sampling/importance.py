@@ -49,9 +49,9 @@ WORST_CONDITION = 1e12
 # Components of a proposal: enough for a bent posterior, few enough that each has draws.
 MIXTURE_COMPONENTS = 6
 # Rounds of the EM that fits the components; a proposal need not be exact.
-EM_ROUNDS = 20
+EM_ROUNDS = 10
 # Draws to which the components are fitted: more take time and move them little.
-DRAWS_FOR_EM = 3_000
+DRAWS_FOR_EM = 1_500
 # Added variance of a component, over that of all draws: it keeps one with few draws regular.
 LEAST_VARIANCE = 1e-6
 # Pareto k up to which weights are reliable (Vehtari et al. 2024, JMLR 25, 72).
@@ -322,7 +322,9 @@ def _fitted(
     a single one, or none where the draws do not span the space.
     """
     if effective_size(log_weights) > DRAWS_FOR_MIXTURE * x.shape[1]:
-        chosen = systematic(np.exp(log_weights), DRAWS_FOR_EM, rng.uniform())
+        # More than there are would only repeat them.
+        count = min(DRAWS_FOR_EM, len(x))
+        chosen = systematic(np.exp(log_weights), count, rng.uniform())
         return fit_mixture(x[chosen], rng)
     single = fit_student(x, log_weights)
     return [] if single is None else [(1.0, single)]
