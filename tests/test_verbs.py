@@ -67,10 +67,14 @@ def test_export_hands_on_every_option(fit, monkeypatch):
     options = {"level": {"surface": "clay"}, "at": "v_1=17"}
     for exported in (fit.export(to="c", **options), fitball.export(fit, to="c", **options)):
         assert exported.contents == {"a.txt": "text"}
-        room.assert_called_with(fit, "c", fix={}, **options)
+        room.assert_called_with(fit, "c", fix={}, engine="", medians=False, **options)
     model = fitball.model("brody")
     fitball.export(model=model, to="c", fix={"mu": 0.5}, at="v_1=17")
-    room.assert_called_with(model, "c", level={}, fix={"mu": 0.5}, at="v_1=17")
+    expected = {"level": {}, "fix": {"mu": 0.5}, "at": "v_1=17", "engine": "", "medians": False}
+    room.assert_called_with(model, "c", **expected)
+    fitball.export(fit, to="engine", engine="mujoco", medians=True)
+    expected = {"level": {}, "fix": {}, "at": "", "engine": "mujoco", "medians": True}
+    room.assert_called_with(fit, "engine", **expected)
 
 
 def test_plot_hands_on_names_and_format(fit, monkeypatch):

@@ -31,72 +31,97 @@ def self_test() -> float:
     worst = 0.0
     for k in range(IMPACTS):
         at = WIDTH * k
-        row = LEVELS[int(GOLDEN[at])]
-        v_x = GOLDEN[at + 1]
-        v_y = GOLDEN[at + 2]
-        omega = GOLDEN[at + 3]
-        found = rebound(v_x, v_y, omega, row)
-        radius = row.ball_radius
-        speed = math.sqrt(v_x * v_x + v_y * v_y + radius * omega * radius * omega)
-        worst = larger(worst, (found.v_x2 - GOLDEN[at + 4]) / speed)
-        worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
-        worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
-        time = GOLDEN[at + 7]
-        between = GOLDEN[at + 8]
-        # A rigid ball has none.
-        if time > 0.0:
-            worst = larger(worst, (found.contact_time - time) / time)
-            worst = larger(worst, (found.gap_time - between) / between)
-            worst = larger(worst, (found.gap_path - GOLDEN[at + 9]) / (speed * between))
-            worst = larger(worst, radius * (found.gap_turn - GOLDEN[at + 10]) / (speed * between))
-        if found.status != OK or found.regime != GOLDEN[at + 11]:
-            worst = math.inf
-        # The same in space, on a slope.
-        up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
-        travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
-        none = Vector(0.0, 0.0, 0.0)
-        axis = cross(up, travel)
-        before = plus(plus(none, v_x, travel), -v_y, up)
-        spatial = rebound_3d(before, plus(none, omega, axis), up, row)
-        velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
-        spin = plus(spatial.spin, -GOLDEN[at + 6], axis)
-        worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
-        worst = larger(worst, radius * math.sqrt(dot(spin, spin)) / speed)
-        # Two flights by formula, and what lies between them, in one step.
-        early = SHARE_BEFORE * STEP
-        late = STEP - early - between
-        fall = v_y * early - 0.5 * GRAVITY * early * early
-        begin = plus(none, HEIGHT + radius + fall, up)
-        flight = step(
-            Flight(
-                begin,
-                plus(before, GRAVITY * early, up),
-                plus(none, omega, axis),
-                none,
-                0.0,
-                0,
-                OK,
-                False,
-            ),
-            plus(none, -GRAVITY, up),
-            STEP,
-            Plane(plus(none, 3.0, up), HEIGHT, none),
-            row,
-        )
-        way = v_x * early + GOLDEN[at + 9] + GOLDEN[at + 4] * late
-        rise = GOLDEN[at + 5] * late - 0.5 * GRAVITY * late * late
-        angle = omega * early + GOLDEN[at + 10] + GOLDEN[at + 6] * late
-        ended = plus(plus(none, HEIGHT + radius + rise, up), way, travel)
-        missed = plus(flight.position, -1.0, ended)
-        turned = plus(flight.turn, -angle, axis)
-        velocity = plus(
-            plus(flight.velocity, -GOLDEN[at + 4], travel), GRAVITY * late - GOLDEN[at + 5], up
-        )
-        worst = larger(worst, math.sqrt(dot(missed, missed)) / (speed * STEP))
-        worst = larger(worst, radius * math.sqrt(dot(turned, turned)) / (speed * STEP))
-        worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
-        if flight.bounces != 1 or flight.ahead > 0.0:
-            worst = math.inf
+        worst = larger(worst, error_in_plane(at))
+        worst = larger(worst, error_in_space(at))
+        worst = larger(worst, error_of_step(at))
+    return worst
+
+
+def error_in_plane(at: int) -> float:
+    """The difference from the golden impact whose numbers begin there."""
+    row = LEVELS[int(GOLDEN[at])]
+    found = rebound(GOLDEN[at + 1], GOLDEN[at + 2], GOLDEN[at + 3], row)
+    radius = row.ball_radius
+    speed = golden_speed(at)
+    worst = larger(0.0, (found.v_x2 - GOLDEN[at + 4]) / speed)
+    worst = larger(worst, (found.v_y2 - GOLDEN[at + 5]) / speed)
+    worst = larger(worst, radius * (found.omega_2 - GOLDEN[at + 6]) / speed)
+    time = GOLDEN[at + 7]
+    between = GOLDEN[at + 8]
+    # A rigid ball has none.
+    if time > 0.0:
+        worst = larger(worst, (found.contact_time - time) / time)
+        worst = larger(worst, (found.gap_time - between) / between)
+        worst = larger(worst, (found.gap_path - GOLDEN[at + 9]) / (speed * between))
+        worst = larger(worst, radius * (found.gap_turn - GOLDEN[at + 10]) / (speed * between))
+    if found.status != OK or found.regime != GOLDEN[at + 11]:
+        worst = math.inf
+    return worst
+
+
+def golden_speed(at: int) -> float:
+    """The incident speed of ball and surface of the golden impact whose numbers begin there."""
+    v_x = GOLDEN[at + 1]
+    v_y = GOLDEN[at + 2]
+    surface = LEVELS[int(GOLDEN[at])].ball_radius * GOLDEN[at + 3]
+    return math.sqrt(v_x * v_x + v_y * v_y + surface * surface)
+
+
+def error_in_space(at: int) -> float:
+    """The difference from the same impact on a slope."""
+    row = LEVELS[int(GOLDEN[at])]
+    up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
+    travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
+    none = Vector(0.0, 0.0, 0.0)
+    axis = cross(up, travel)
+    speed = golden_speed(at)
+    before = plus(plus(none, GOLDEN[at + 1], travel), -GOLDEN[at + 2], up)
+    spatial = rebound_3d(before, plus(none, GOLDEN[at + 3], axis), up, row)
+    velocity = plus(plus(spatial.velocity, -GOLDEN[at + 4], travel), -GOLDEN[at + 5], up)
+    spin = plus(spatial.spin, -GOLDEN[at + 6], axis)
+    worst = larger(0.0, math.sqrt(dot(velocity, velocity)) / speed)
+    return larger(worst, row.ball_radius * math.sqrt(dot(spin, spin)) / speed)
+
+
+def error_of_step(at: int) -> float:
+    """The difference from two flights by formula, and what lies between them, in one step."""
+    row = LEVELS[int(GOLDEN[at])]
+    v_x = GOLDEN[at + 1]
+    v_y = GOLDEN[at + 2]
+    omega = GOLDEN[at + 3]
+    radius = row.ball_radius
+    speed = golden_speed(at)
+    up = Vector(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0)
+    travel = Vector(1.0 / 3.0, 2.0 / 3.0, -2.0 / 3.0)
+    none = Vector(0.0, 0.0, 0.0)
+    axis = cross(up, travel)
+    before = plus(plus(none, v_x, travel), -v_y, up)
+    early = SHARE_BEFORE * STEP
+    late = STEP - early - GOLDEN[at + 8]
+    fall = v_y * early - 0.5 * GRAVITY * early * early
+    begin = plus(none, HEIGHT + radius + fall, up)
+    falling = plus(before, GRAVITY * early, up)
+    turning = plus(none, omega, axis)
+    flight = step(
+        Flight(begin, falling, turning, none, 0.0, 0, OK, False),
+        plus(none, -GRAVITY, up),
+        STEP,
+        Plane(plus(none, 3.0, up), HEIGHT, none),
+        row,
+    )
+    way = v_x * early + GOLDEN[at + 9] + GOLDEN[at + 4] * late
+    rise = GOLDEN[at + 5] * late - 0.5 * GRAVITY * late * late
+    angle = omega * early + GOLDEN[at + 10] + GOLDEN[at + 6] * late
+    ended = plus(plus(none, HEIGHT + radius + rise, up), way, travel)
+    missed = plus(flight.position, -1.0, ended)
+    turned = plus(flight.turn, -angle, axis)
+    along = plus(flight.velocity, -GOLDEN[at + 4], travel)
+    velocity = plus(along, GRAVITY * late - GOLDEN[at + 5], up)
+    worst = larger(0.0, math.sqrt(dot(missed, missed)) / (speed * STEP))
+    worst = larger(worst, radius * math.sqrt(dot(turned, turned)) / (speed * STEP))
+    worst = larger(worst, math.sqrt(dot(velocity, velocity)) / speed)
+    if flight.bounces != 1 or flight.ahead > 0.0:
+        worst = math.inf
     return worst
 
 
