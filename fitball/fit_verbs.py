@@ -238,9 +238,9 @@ def export(
 
     Args:
         fit (FIT): result folder of fitball calibrate; without it --model
-        to (FORMAT): c, csharp, javascript, esm, python, gdscript (code with a self-test), types (of
-            esm), golden (impacts and rebounds of that test), page (HTML with sliders), engine,
-            engine-json (settings and recipes for physics engines), json, latex, markdown
+        to (FORMAT): c, csharp, javascript, esm, types (of esm), python, gdscript (code with a
+            self-test), golden (impacts and rebounds of that test), page (HTML with sliders),
+            engine, engine-json (settings and recipes for physics engines), json, latex, markdown
             (parameters), arviz (draws)
         level (COLUMN=LABEL): one surface or ball of the fit; surface=new: one that was not measured
         model (NAME): a model without a fit, or the function of your own that the fit was made with

@@ -183,12 +183,12 @@ def test_rederive_and_bench_have_their_pages(monkeypatch):
 
 
 def test_track_hands_on_all(monkeypatch):
-    room = replaced(monkeypatch, "fitball.tracks.tracking.track", Mock())
+    room = replaced(monkeypatch, "fitball.tracks.roads.track", Mock())
     scene_of = replaced(monkeypatch, "fitball.tracks.read.scene_of", sentinel.scene)
     camera = {"scene": "a.toml", "fps": 240.0, "mm_per_px": 0.8, "ball_diameter": "66mm"}
-    choice = {"ball": "ball", "min_confidence": 0.3}
+    choice = {"ball": "ball", "min_confidence": 0.3, "row_time": 5e-6}
     fitball.track("a.csv", columns={"x": "cx [px]"}, as_read=True, **camera, **choice)
-    scene_of.assert_called_once_with(["a.csv"], *camera.values(), 0.3)
+    scene_of.assert_called_once_with(["a.csv"], *camera.values(), 0.3, 5e-6)
     assert room.call_args[0][:4] == (["a.csv"], sentinel.scene, {"x": "cx [px]"}, True)
     assert "ball" in (*room.call_args[0], *room.call_args[1].values())
 

@@ -26,6 +26,7 @@ MM = Unit("mm", 1e3)
 CM = Unit("cm", 1e2)
 # Contacts last some milliseconds.
 MS = Unit("ms", 1e3)
+MICROSECONDS = Unit("us", 1e6)
 DEG = Unit("deg", 180.0 / pi)
 RPM = Unit("rpm", 30.0 / pi)
 GRAM = Unit("g", 1e3)

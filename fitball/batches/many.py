@@ -139,7 +139,7 @@ def _checked_options(options: Mapping[str, Any]) -> dict[str, Any]:
         if model.source:
             checked["model"] = model
     checked["fix"] = read_pairs("fix", checked["fix"])
-    for name in ("columns", "prior", "pool"):
+    for name in ("columns", "prior", "pool", "derive"):
         checked[name] = read_texts(name, checked[name])
     if checked["noise"]:
         noise_kind(checked["noise"])

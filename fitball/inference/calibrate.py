@@ -102,7 +102,9 @@ def _calibrate(
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
     with stage("trying assumptions"):
         # The same random numbers whatever the seed: verdicts rest on them.
-        tried, fitted = alternatives(problem, point, Effort().stream("assumptions"), within)
+        # Which draws are made depends on no chain either.
+        by_profiles = judge(problem, point, first, profiled, derived, bounds)
+        tried, fitted = alternatives(problem, point, Effort().stream("assumptions"), by_profiles)
         held = constants(problem, first, derived)
     with stage("judging"):
         modes = modes_of(problem, point, posterior, draws, parts)

@@ -322,7 +322,7 @@ class Fitted:
             >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
             >>> more = fit.derive(lost="1 - cor_254cm**2")
             >>> round(more.derived["lost"].point, 2)
-            0.5
+            0.46
         """
         choices = self.run.choices
         choices = msgspec.structs.replace(choices, derive=choices.derive | formulas)

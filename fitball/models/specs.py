@@ -183,6 +183,7 @@ TAKEN_NAMES = (
     "clock",
     "tilt",
     "court_height",
+    "row_delay",
     "degrees_of_freedom",
     "cor_median",
     "eps_median",

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from fitball.base.display_units import DEG, MS
-from fitball.base.numbers import Unit, counted
+from fitball.base.display_units import DEG, MICROSECONDS, MS
+from fitball.base.numbers import counted
 from fitball.base.text import one_line
 from fitball.base.values import Figure
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
@@ -20,8 +20,6 @@ from fitball.video.types import Clip, Seen, Sightings
 # Films that a first screen has a line of, and balls that a page has a picture of.
 _LINES = 12
 _MOST_PICTURES = 12
-# The time of a row, as people read it.
-_MICROSECONDS = Unit("us", 1e6)
 # What says the rate of the camera.
 _BY = {"option": "as stated", "android tag": "by its tag", "stamps": "by its stamps"}
 _STRIP = (
@@ -49,7 +47,7 @@ def _line(seen: Seen) -> str:
     parts = [
         f"{one_line(clip.name)}: {used} of {counted(clip.count, 'frame')} {_rate(clip)}",
         f"ball {width} px wide",
-        f"row time {_MICROSECONDS.plus_minus(*seen.row_time)} us",
+        f"row time {MICROSECONDS.plus_minus(*seen.row_time)} us",
         f"court {DEG.plus_minus(*seen.tilt)} deg from level",
     ]
     if seen.shake > 0.0:
