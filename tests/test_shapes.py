@@ -1,13 +1,19 @@
 """Shapes in annotations are those of the arrays that pass, in fits and what people make of them."""
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
 from support import shapes
+from support.sounds import recording
 
 import fitball
 from fitball.base.values import FloatArray
+from fitball.batches.charts import NELSON, chart_of
 from fitball.thesis import appendices, ranking
 
 
@@ -63,6 +69,11 @@ def trace(tmp_path_factory):
     times = 2e-4 * np.arange(60.0)
     pulse = np.where((times > 3e-3) & (times < 8e-3), np.sin(np.pi * (times - 3e-3) / 5e-3), 0.0)
     heights = {"drop_height": [2.54] * 4, "rebound_height": [1.4, 1.41, 1.39, 1.4]}
+    made = tmp_path_factory.mktemp("made")
+    script = Path(__file__).parent.parent / "scripts" / "render_film.py"
+    subprocess.run([sys.executable, script, made / "ball.mp4", "--seed", "3"], check=True)
+    signal, _ = recording(1)
+    wavfile.write(made / "drops.wav", 48_000, signal)
     with shapes.held(shapes.shaped_functions(fitball)) as trace:
         fit = fitball.calibrate(
             "wang_all", model="grip-slip", pool={"mu": "group"}, max_steps=160, cores=1
@@ -78,6 +89,9 @@ def trace(tmp_path_factory):
         fitball.calibrate({**heights, "ball": list("aabb")}, point_only=True).report()
         fitball.calibrate("synthetic_drop", model=fitball.model_from(linear), point_only=True)
         fitball.contact_time(times, 700.0 * pulse)
+        fitball.track(made / "ball.mp4")
+        fitball.track(made / "drops.wav")
+        chart_of(np.sin(np.arange(30.0)), 20, NELSON)
         ranking.errors_and_points(*ranking.case_values({}))
         appendices.slips_frame()
     return trace

@@ -218,9 +218,9 @@ def ewma_of(z: Annotated[FloatArray, "... values"]) -> tuple[FloatArray, FloatAr
 def alarms(
     z: Annotated[FloatArray, "... values"],
     rules: Sequence[Rule],
-) -> Annotated[BoolArray, "rules ... values"]:
-    """Which of the rules, and of the EWMA the last, is broken at each value, by distances from the
-    centre in sds. Moving ranges raise no alarm: those of a stable process pass
+) -> BoolArray:
+    """Which of the rules, and of the EWMA the last, is broken (rules, ..., values) at each value, by
+    distances from the centre in sds. Moving ranges raise no alarm: those of a stable process pass
     their limit once in 118 values.
     """
     means, limit = ewma_of(z)

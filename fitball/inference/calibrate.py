@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
@@ -18,9 +18,9 @@ from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted, draws_of, medians_of, run_of
 from fitball.inference.judgement.adequacy import adequacy
 from fitball.inference.judgement.assumptions import alternatives, what_values_rest_on
-from fitball.inference.judgement.bounds import at_bounds
+from fitball.inference.judgement.bounds import AtBounds, at_bounds
 from fitball.inference.judgement.constants import constants
-from fitball.inference.judgement.first_order import first_order, proposal
+from fitball.inference.judgement.first_order import FirstOrder, first_order, proposal
 from fitball.inference.judgement.profile import profiles
 from fitball.inference.judgement.verdict import judge, qualify
 from fitball.inference.judgement.weights import outvoted
@@ -101,10 +101,7 @@ def _calibrate(
         draws = draws_of(problem, point, posterior, effort)
         within = judge(problem, point, first, profiled, derived, bounds, medians_of(draws))
     with stage("trying assumptions"):
-        # The same random numbers whatever the seed: verdicts rest on them.
-        # Which draws are made depends on no chain either.
-        by_profiles = judge(problem, point, first, profiled, derived, bounds)
-        tried, fitted = alternatives(problem, point, Effort().stream("assumptions"), by_profiles)
+        tried, fitted = _tried(problem, point, first, profiled, bounds)
         held = constants(problem, first, derived)
     with stage("judging"):
         modes = modes_of(problem, point, posterior, draws, parts)
@@ -134,6 +131,20 @@ def _calibrate(
         modes=modes,
         own=user_model,
     )
+
+
+def _tried(
+    problem: Problem,
+    point: schema.PointFit,
+    first: FirstOrder,
+    profiled: Mapping[str, schema.Profile],
+    bounds: AtBounds,
+) -> tuple[tuple[schema.Alternative, ...], dict[str, schema.Summary]]:
+    """The variants of a fit, and the summaries of the fit itself. Verdicts rest on them: their
+    random numbers are the same whatever the seed, and no chain says where there are more.
+    """
+    by_profiles = judge(problem, point, first, profiled, problem.derived, bounds)
+    return alternatives(problem, point, Effort().stream("assumptions"), by_profiles)
 
 
 def _no_profiles(why: str) -> list[Note]:

@@ -394,8 +394,9 @@ def what_values_rest_on(
 
     These are choices that move its median, or an end of its 95 % interval outwards, by 2 sds, of a
     slope of restitution laws that move it by 1 sd, unless they fit surely worse or are improbable
-    beside the fit, and constants that move it by 1 sd over half of their range. Where a choice
-    could not be tried all quantities rest on the `model`.
+    beside the fit, and constants that move it by 1 sd over half of their range. A move that draws
+    do not show to be below the limit counts too. Where a choice could not be tried all quantities
+    rest on the `model`.
     """
     moves = [
         (abs(shift), name, constant.name)
@@ -408,7 +409,7 @@ def what_values_rest_on(
             continue
         for name in fit.keys() & alternative.summaries.keys():
             move = moved_by(alternative.choice, name, fit[name], alternative.summaries[name])
-            if move.size > SHIFT_BY_CHOICE:
+            if move.size > SHIFT_BY_CHOICE or name in alternative.unsure:
                 moves.append((move.size, name, alternative.instead_of))
     rests: dict[str, dict[str, None]] = {name: {} for name in fit}
     for _, name, text in sorted(moves, reverse=True):

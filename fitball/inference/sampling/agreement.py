@@ -75,7 +75,7 @@ def disagreement(
 def _differing(
     names: Sequence[str],
     ours: Annotated[FloatArray, "draws coordinates"],
-    theirs: Annotated[FloatArray, "draws coordinates"],
+    theirs: Annotated[FloatArray, "other_draws coordinates"],
     errors: float,
 ) -> str:
     """The first parameter whose median or width differs, in words. `errors` are the allowed
