@@ -219,7 +219,7 @@ def alarms(
     z: Annotated[FloatArray, "... values"],
     rules: Sequence[Rule],
 ) -> BoolArray:
-    """Which of the rules, and of the EWMA the last, is broken (rules, ..., values) at each value, by
+    """Which of the rules, and the EWMA last, is broken (rules, ..., values) at each value, by
     distances from the centre in sds. Moving ranges raise no alarm: those of a stable process pass
     their limit once in 118 values.
     """

@@ -97,10 +97,12 @@ def cost_of(command: Sequence[str], folder: Path) -> Cost:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             raise
+    words = (folder / "log.txt").read_text(errors="replace").strip()[-500:]
+    if not record.exists():
+        raise MachineError(f"a fit could not be started: {words}", "growth")
     code, seconds, resident = json.loads(record.read_bytes())
     # Code 1 is a result with a warning.
     if code not in (0, 1):
-        words = (folder / "log.txt").read_text(errors="replace").strip()[-500:]
         text = f"a fit ended with code {code}: {words}"
         raise MachineError(text, "growth")
     return Cost(seconds, 1e-6 * resident * RESIDENT_UNIT)
