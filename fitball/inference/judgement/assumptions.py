@@ -64,7 +64,7 @@ NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 # of them is not tried. How many is chosen by hand.
 PROBE_DRAWS = 20
 # Step of the grid of coordinates from which variants are searched, in widths of the priors.
-GRID = 0.01
+GRID = 0.001
 # Effective draws of an alternative at first. Of a normal distribution they give the median to 0.05
 # sds, and the ends of a 95 % interval to 0.1.
 EFFECTIVE_DRAWS = 700.0
@@ -108,17 +108,9 @@ def alternatives(
     rows = evenly_spread(count, ALTERNATIVE_ROWS)
     x = problem.coordinates(point.optima[0])
     point = _on_grid(problem, point)
-    base = fit_variant(
-        problem.on_rows(rows),
-        problem.coordinates(point.optima[0])[None],
-        rng,
-    )
-    wider = np.ones(x.size)
-    if count > len(rows):
-        sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
-        wider = sd_of_all / np.linalg.norm(base.about.factor, axis=1)
-    moves = np.stack([x - base.best, wider], axis=1)
-    to_all = dict(zip(problem.free, moves, strict=True))
+    start = problem.coordinates(point.optima[0])[None]
+    base = fit_variant(problem.on_rows(rows), start, rng)
+    to_all = _beside_all(problem, x, base)
     most = max(EFFECTIVE_DRAWS, min(MOST_EFFECTIVE, MOST_BOUNCES / len(rows)))
     identified = [name for name, found in judged.items() if found.verdict == "identified"]
     fit = _Fit(base, to_all, {}, frozenset(identified), most)
@@ -164,15 +156,32 @@ def alternatives(
     return compared, {name: here.summary for name, here in fit.weighed.items()}
 
 
+def _beside_all(
+    problem: Problem,
+    x: FloatArray,
+    base: FittedVariant,
+) -> dict[str, FloatArray]:
+    """By name of each free parameter how far the maximum `x` (coordinates,) of all rows lies beside
+    that of the rows of `base`, and how much wider it is.
+    """
+    wider = np.ones(x.size)
+    if len(problem.rows.y) > len(base.problem.rows.y):
+        sd_of_all = np.linalg.norm(proposal(problem, x).factor, axis=1)
+        wider = sd_of_all / np.linalg.norm(base.about.factor, axis=1)
+    moves = np.stack([x - base.best, wider], axis=1)
+    return dict(zip(problem.free, moves, strict=True))
+
+
 def _on_grid(problem: Problem, point: PointFit) -> PointFit:
     """The best fit with its optima on a grid of coordinates. Searches of several seeds end a
     millionth apart, and from there searches of a variant that stop at kinks end elsewhere: from
-    the grid they are the same.
+    the grid they are the same. An optimum whose neighbour there has no answer stays.
     """
     prior = problem.prior
     step = GRID * prior.width
     q = np.array([problem.coordinates(values) for values in point.optima])
-    q = np.clip(step * np.round(q / step), prior.low, prior.high)
+    near = np.clip(step * np.round(q / step), prior.low, prior.high)
+    q = np.where(np.isfinite(log_posterior(problem, near))[:, None], near, q)
     columns = {name: column.tolist() for name, column in problem.values(q).items()}
     optima = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     return msgspec.structs.replace(point, optima=tuple(optima))
