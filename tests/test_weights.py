@@ -1,6 +1,7 @@
 """Weights of variants beside a fit, and values that most of the weight puts elsewhere."""
 
 import pytest
+from msgspec.structs import replace
 from scipy.integrate import quad
 from scipy.special import expit
 from scipy.stats import norm
@@ -86,3 +87,11 @@ def test_a_better_variant_casts_doubt_as_a_pattern_does():
     moved = {"mu": summary(1.4), "e_x": summary(-0.9)}
     assert {*outvoted([variant(10.0, 4.0, better=True, **moved)], fit)} == {"mu"}
     assert outvoted([variant(3.0, 4.0, **moved)], fit) == {}
+
+
+def test_a_value_rests_on_a_move_that_may_be_beyond_the_limit():
+    fit = {"mu": summary(0.0), "e_x": summary(0.0)}
+    near = variant(1.0, mu=summary(1.9), e_x=summary(1.9))
+    assert what_values_rest_on([near], (), fit) == {}
+    doubtful = replace(near, unsure={"mu": (1.9, 0.05)})
+    assert what_values_rest_on([doubtful], (), fit) == {"mu": ("a=1",)}

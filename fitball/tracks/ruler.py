@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitball.base.display_units import MM
+from fitball.base.display_units import MM, PERCENT
 from fitball.base.errors import Note
 from fitball.base.itf import GRAVITY
-from fitball.base.numbers import counted, percent
+from fitball.base.numbers import counted
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 from fitball.tracks.find import Gravity
@@ -137,7 +137,7 @@ def scale_notes(scales: Mapping[str, FilmScale]) -> list[Note]:
 
 def _scale_words(metres_per_px: float, sd: float) -> str:
     """A scale with its relative sd in words."""
-    return f"{MM.number(metres_per_px, 4)} mm/px ± {percent(sd)}"
+    return f"{MM.number(metres_per_px, 4)} mm/px ± {PERCENT.number(sd, 2)} %"
 
 
 def rests_on_discs(track: Track) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -27,15 +27,12 @@ MOST_ABOVE = 4.0
 LEAST_DRAWS = 50.0
 
 
-class Sample:
-    """Draws of a posterior of which so many are `effective`: coordinates (draws, coordinates) and
-    the log density (draws,).
-    """
+class Sample(NamedTuple):
+    """Draws of a posterior of which so many are `effective`."""
 
-    def __init__(self, x: FloatArray, scores: FloatArray, effective: float) -> None:
-        self.x = x
-        self.scores = scores
-        self.effective = effective
+    x: Annotated[FloatArray, "draws coordinates"]
+    scores: Annotated[FloatArray, "draws"]
+    effective: float
 
 
 def disagreement(
