@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 from scipy.optimize import minimize
 from support.density import REBOUND, near, problem_of, scene_of, table_of, truth_of
-from support.fits import bounded, drops_of, line
+from support.fits import best, bounded, drops_of, line
 
+from fitball.inference.judgement import profile
 from fitball.inference.judgement.profile import likelihood_drops, profiles
+from fitball.inference.learnt import learnt
 from fitball.inference.search.objective import Objective, descend
 
 SPEEDS = np.linspace(5.0, 17.0, 7)
@@ -264,3 +266,31 @@ def test_some_tables_have_none():
     assert likelihood_drops(short) == ()
     by_name, _ = profiles(short, from_values(short, truth))
     assert by_name == {}
+
+
+def without_offsets(problem, draws):
+    """The learnt law of a problem as it must not be: it takes uncertain states for exact ones."""
+    law = learnt(problem, draws)
+    nothing = law.rows.learnt._replace(at_centre=0.0 * law.rows.learnt.at_centre)
+    nothing = nothing._replace(slopes=0.0 * nothing.slopes)
+    return replace(law, rows=replace(law.rows, learnt=nothing))
+
+
+@pytest.mark.parametrize("law", [learnt, without_offsets])
+def test_profiles_by_a_learnt_law_are_those_of_the_exact_likelihood(monkeypatch, law):
+    problem = problem_of(table_of(REBOUND, "corr", count=20), scene_of(), "grip-slip")
+    start = best(problem)[None]
+    monkeypatch.setattr(profile, "learnt", lambda problem, draws: problem)
+    exact, _ = profiles(problem, start)
+    monkeypatch.setattr(profile, "learnt", law)
+    found, _ = profiles(problem, start)
+    for name, parameter in zip(problem.free, problem.prior.parameters, strict=True):
+        ends, expected = (
+            np.array([each.interval_68, each.interval_95], dtype=np.float64)
+            for each in (found[name], exact[name])
+        )
+        assert_array_equal(np.isnan(ends), np.isnan(expected))
+        prior = parameter.prior
+        width = np.nanmin([*np.ptp(prior.coordinate(expected), axis=1), prior.width])
+        off = prior.coordinate(ends) - prior.coordinate(expected)
+        assert np.nanmax(np.abs(off), initial=0.0) < 0.02 * width, name
