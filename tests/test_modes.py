@@ -11,7 +11,7 @@ import fitball
 from fitball.inference.forward import Draws
 from fitball.inference.modes import differing, doubts_of, modes_of, notes_of, with_mass_first
 from fitball.inference.sampling.parts import ONE_PART, centrality, parts_of
-from fitball.inference.schema import Mode, PointFit, Posterior, Summary
+from fitball.inference.schema import Diagnostics, Mode, PointFit, Posterior, Summary
 from fitball.inference.search.objective import Objective, descend
 
 DATA = Path(__file__).parent / "data"
@@ -137,6 +137,12 @@ def drops():
     return problem, best, draws
 
 
+def mixed_well(effective):
+    """Diagnostics of chains of which so many draws are effective."""
+    sizes = {"a": 2.0 * effective, "b": effective}
+    return Diagnostics(0, 100, (), sizes, sizes, {}, None, True, ())
+
+
 def posterior_of(problem, draws):
     values = problem.prior.value(draws).reshape(*SHAPE, draws.shape[1])
     return Posterior(problem.free, values, np.zeros(SHAPE))
@@ -169,7 +175,7 @@ def test_modes_say_what_their_draws_do():
     parts = parts_of(draws.reshape(*SHAPE, 2), best[None], EFFECTIVE)
     values = dict(zip(problem.free, draws.T, strict=True)) | {"v_y_sd": np.full(COUNT, 0.05)}
     of_draws = Draws({}, values, {})
-    modes = modes_of(problem, at(problem, best), posterior, of_draws, parts)
+    modes = modes_of(problem, at(problem, best), posterior, mixed_well(COUNT), of_draws, parts)
     assert [mode.share for mode in modes] == [1.0 - second.mean(), second.mean()]
     # That of a share of independent draws.
     assert modes[1].error == pytest.approx((0.25 * 0.75 / COUNT) ** 0.5, rel=0.15)
@@ -184,7 +190,32 @@ def test_modes_say_what_their_draws_do():
     assert len(notes) == 3
     assert f"{100.0 * modes[0].share:.0f} ±" in notes[1].text
     assert not [*notes_of(problem, ())]
-    assert modes_of(problem, at(problem, best), posterior, of_draws, ONE_PART) == ()
+    one_mode = modes_of(
+        problem,
+        at(problem, best),
+        posterior,
+        mixed_well(COUNT),
+        of_draws,
+        ONE_PART,
+    )
+    assert one_mode == ()
+
+
+def test_draws_that_repeat_know_a_share_no_better_than_the_effective_ones():
+    """Weighted draws that were drawn again lie in random order, as if they were independent."""
+    problem, best, draws = drops()
+    rng = np.random.default_rng(6)
+    second = np.arange(COUNT) < COUNT // 4
+    draws[second, 0] += 0.5
+    repeated = rng.permutation(np.repeat(draws[::8], 8, axis=0))
+    posterior = posterior_of(problem, repeated)
+    parts = parts_of(repeated.reshape(*SHAPE, 2), best[None], EFFECTIVE)
+    values = dict(zip(problem.free, repeated.T, strict=True)) | {"v_y_sd": np.full(COUNT, 0.05)}
+    point = at(problem, best)
+    diagnostics = mixed_well(COUNT / 8)
+    modes = modes_of(problem, point, posterior, diagnostics, Draws({}, values, {}), parts)
+    assert modes[1].share == 0.25
+    assert modes[1].error == pytest.approx((0.25 * 0.75 / (COUNT / 8)) ** 0.5, rel=1e-9)
 
 
 def summary(low, median, high):
@@ -222,6 +253,22 @@ def test_a_table_with_several_solutions_names_them():
     largest = max(fit.modes, key=lambda mode: mode.share)
     middle = largest.summaries["mu[hard]"]
     assert middle.q025 < fit.point.optima[0]["mu[hard]"] < middle.q975
+
+
+def test_a_solution_that_no_search_from_the_prior_reaches_is_named():
+    """Of 30 impacts of a rigid ball on two surfaces, with a restitution of clay less hard of
+    -0.030, which the smaller solution has.
+    """
+    fit = fitball.calibrate(DATA / "two_humps.csv", cores=1)
+    larger, smaller = fit.modes
+    assert smaller.share == pytest.approx(0.165, abs=0.03)
+    assert smaller.share + larger.share == pytest.approx(1.0)
+    medians = {name: there.median for name, there in smaller.summaries.items()}
+    assert medians["cor_10[clay]"] - medians["cor_10[hard]"] == pytest.approx(-0.03, abs=0.01)
+    for name in ("mass_ratio", "cor_10[clay]"):
+        assert fit.parameters[name].verdict == "conditional"
+    screen = " ".join(fit.report().partition("Report:")[0].split())
+    assert f"Solution 2, {100.0 * smaller.share:.0f} ±" in screen
 
 
 def test_a_far_peak_with_little_mass_decides_nothing():

@@ -3,6 +3,7 @@ parts.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +13,20 @@ from support.density import REBOUND, TIMED, near, problem_of, scene_of, table_of
 from support.line import exact, line_problem
 
 from fitball.base.errors import FitError
+from fitball.data.load import load_data
 from fitball.inference import density
 from fitball.inference.calibrate import _search_from_best_draw
 from fitball.inference.effort import Effort
+from fitball.inference.problem.build import build_problem
+from fitball.inference.problem.problem import Choices
 from fitball.inference.schema import Posterior
 from fitball.inference.search import best_fit as search
 from fitball.inference.search.best_fit import best_fit
+from fitball.inference.search.beyond import places_beyond
 from fitball.inference.search.objective import Objective, constrained_step, descend
 from fitball.models.registry import model
+
+DATA = Path(__file__).parent / "data"
 
 
 def seeded(seed=0):
@@ -286,6 +293,30 @@ def test_a_ridge_is_climbed_by_points_at_random():
     lowest, begun, ended = objective.cost(np.stack([top, beside, climbed]))
     assert begun - lowest > 1e-3
     assert ended - lowest < 1e-5
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_maximum_that_no_draw_of_the_prior_leads_to(monkeypatch, seed):
+    """Beside the best one, -17.6, there is one at -22.0 that holds a sixth of the mass."""
+    table, scene, *_ = load_data([DATA / "two_humps.csv"], None, as_read=True)
+    problem = build_problem(table, scene, Choices())
+
+    def ratios_of_maxima():
+        point = best_fit(problem, Effort(seed).stream("search"))
+        return [optimum["mass_ratio"] for optimum in point.optima]
+
+    near, *others = ratios_of_maxima()
+    assert near == pytest.approx(0.773, abs=0.002)
+    assert max(others) == pytest.approx(0.823, abs=0.002)
+    monkeypatch.setattr(search, "places_beyond", lambda _problem, best: best[None][:0])
+    assert max(ratios_of_maxima()) == pytest.approx(near, abs=0.002)
+
+
+def test_one_maximum_has_no_places_beyond_it():
+    """About that of a straight line the cost rises as a square."""
+    problem = line_problem()
+    centre, _ = exact(problem)
+    assert not len(places_beyond(problem, centre))
 
 
 def test_long_tables_by_parts_end_at_the_same_maximum(monkeypatch):

@@ -104,7 +104,7 @@ def _calibrate(
         tried, fitted = _tried(problem, point, first, profiled, bounds)
         held = constants(problem, first, derived)
     with stage("judging"):
-        modes = modes_of(problem, point, posterior, draws, parts)
+        modes = modes_of(problem, point, posterior, diagnostics, draws, parts)
         rests = what_values_rest_on(tried, _sure(problem, held), fitted)
         doubts = bounds.doubts() | doubts_of(problem, modes)
         judged = qualify(within, tested, rests, doubts, outvoted(tried, fitted))

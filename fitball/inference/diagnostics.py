@@ -37,8 +37,11 @@ def tail_size(chains: Chains, ends: tuple[float, float]) -> float:
     """The effective sample size of two quantiles, the smaller one; NaN as in `bulk_size`."""
     if not _has_statistics(chains):
         return np.nan
-    quantiles = np.quantile(chains, ends)
-    return min(_size(_halves((chains <= end).astype(np.float64))) for end in quantiles)
+    sizes = []
+    for end in np.quantile(chains, ends):
+        below = (chains <= end).astype(np.float64)
+        sizes.append(_size(_halves(below)))
+    return min(sizes)
 
 
 def nested_r_hat(chains: Chains, ensembles: int) -> float:
@@ -50,11 +53,14 @@ def nested_r_hat(chains: Chains, ensembles: int) -> float:
         return np.nan
     halves = _halves(chains)
     distances = np.abs(halves - np.median(halves))
-    return max(_r_hat(_normal_scores(one), ensembles) for one in (halves, distances))
+    of_values = _r_hat(_normal_scores(halves), ensembles)
+    of_distances = _r_hat(_normal_scores(distances), ensembles)
+    return max(of_values, of_distances)
 
 
 def pareto_smoothed_tail(
-    log_ratios: Annotated[FloatArray, "draws"], size: int
+    log_ratios: Annotated[FloatArray, "draws"],
+    size: int,
 ) -> tuple[Annotated[FloatArray, "draws"], float]:
     """Log weights, which add up to one, whose `size` largest ratios are replaced by expected order
     statistics of the generalised Pareto distribution that is fitted to them, none above the largest
@@ -64,14 +70,26 @@ def pareto_smoothed_tail(
     log_weights = log_ratios - log_ratios.max()
     order = np.argsort(log_weights)
     tail = order[-size:]
-    cutoff = np.exp(log_weights[order[-size - 1]])
-    k, scale = _pareto(np.exp(log_weights[tail]) - cutoff)
+    below = order[-size - 1]
+    cutoff = np.exp(log_weights[below])
+    excesses = np.exp(log_weights[tail]) - cutoff
+    k, scale = _pareto(excesses)
     if np.isfinite(k):
-        upper = -np.log1p(-(np.arange(size) + 0.5) / size)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            excess = np.where(np.abs(k) > 0.0, np.expm1(k * upper) / k, upper)
-        log_weights[tail] = np.minimum(np.log(cutoff + scale * excess), 0.0)
-    return log_weights - np.logaddexp.reduce(log_weights), float(k)
+        expected = cutoff + scale * _pareto_quantiles(k, size)
+        log_weights[tail] = np.minimum(np.log(expected), 0.0)
+    total = np.logaddexp.reduce(log_weights)
+    return log_weights - total, k
+
+
+def _pareto_quantiles(k: float, count: int) -> Annotated[FloatArray, "excesses"]:
+    """The quantiles of the generalised Pareto distribution of unit scale in the middles of so many
+    equal shares.
+    """
+    share = (np.arange(count) + 0.5) / count
+    exponential = -np.log1p(-share)
+    if abs(k) > 0.0:
+        return np.asarray(np.expm1(k * exponential) / k)
+    return np.asarray(exponential)
 
 
 def _pareto(excesses: Annotated[FloatArray, "excesses"]) -> tuple[float, float]:
@@ -81,28 +99,38 @@ def _pareto(excesses: Annotated[FloatArray, "excesses"]) -> tuple[float, float]:
     count = len(excesses)
     points = 30 + int(np.sqrt(count))
     quartile = excesses[int(_PRIOR_QUANTILE * count + 0.5) - 1]
-    spread = 1.0 - np.sqrt(points / (np.arange(points) + 0.5))
+    middle = np.arange(points) + 0.5
+    spread = 1.0 - np.sqrt(points / middle)
+    # Their parameter is the shape over the scale, with the sign turned; of each the most likely
+    # shape follows.
     inverse = 1.0 / excesses[-1] + spread / (_PRIOR_POWER * quartile)
-    shape = np.log1p(-inverse[:, None] * excesses).mean(axis=1)
+    scaled = inverse[:, None] * excesses
+    shape = np.log1p(-scaled).mean(axis=1)
     log_likelihood = count * (np.log(-inverse / shape) - shape - 1.0)
     weights = np.exp(log_likelihood - np.logaddexp.reduce(log_likelihood))
     # What rounding leaves of a weight counts nothing.
-    weights[weights < 10.0 * np.finfo(np.float64).eps] = 0.0
+    rounding = 10.0 * np.finfo(np.float64).eps
+    weights[weights < rounding] = 0.0
     mean = float(weights @ inverse / weights.sum())
     k = float(np.log1p(-mean * excesses).mean())
-    shrunk = (count * k + 0.5 * _PRIOR_EXCESSES) / (count + _PRIOR_EXCESSES)
+    total = count * k + 0.5 * _PRIOR_EXCESSES
+    shrunk = total / (count + _PRIOR_EXCESSES)
     return shrunk, -k / mean
 
 
 def _has_statistics(chains: Chains) -> bool:
     """Whether there are enough steps, all of them finite."""
-    return chains.shape[1] >= LEAST_STEPS and bool(np.isfinite(chains).all())
+    if chains.shape[1] < LEAST_STEPS:
+        return False
+    return bool(np.isfinite(chains).all())
 
 
 def _halves(chains: Chains) -> Chains:
     """First and last halves of chains, each as a chain: a trend within one is then seen."""
     half = chains.shape[1] // 2
-    return np.concatenate([chains[:, :half], chains[:, -half:]])
+    first = chains[:, :half]
+    last = chains[:, -half:]
+    return np.concatenate([first, last])
 
 
 def _normal_scores(chains: Chains) -> Chains:
@@ -111,7 +139,8 @@ def _normal_scores(chains: Chains) -> Chains:
     """
     _, place, counts = np.unique(chains, return_inverse=True, return_counts=True)
     rank = np.cumsum(counts) - 0.5 * (counts - 1)
-    scores = ndtri((rank - 0.375) / (chains.size + 0.25))
+    share = (rank - 0.375) / (chains.size + 0.25)
+    scores = ndtri(share)
     return np.asarray(scores[place].reshape(chains.shape))
 
 
@@ -125,30 +154,44 @@ def _size(chains: Chains) -> float:
     within, covariance = _covariances(chains)
     total = within * (steps - 1) / steps
     if len(chains) > 1:
-        total += np.var(chains.mean(axis=1), ddof=1)
+        means = chains.mean(axis=1)
+        total += np.var(means, ddof=1)
     correlation = 1.0 - (within - covariance) / total
     correlation[0] = 1.0
+    time = _correlation_time(correlation)
+    # Effective draws are not many more than there are.
+    shortest = 1.0 / np.log10(chains.size)
+    return float(chains.size / max(time, shortest))
+
+
+def _correlation_time(correlation: Annotated[FloatArray, "steps"]) -> float:
+    """The sum of correlations over all lags, of either sign, by pairs that never rise, up to the
+    first that is not positive.
+    """
     # The last pair that is looked at.
-    last = max((steps - 1) // 2 - 1, 0)
-    pairs = correlation[: 2 * last + 2].reshape(-1, 2).sum(axis=1)
+    last = max((len(correlation) - 1) // 2 - 1, 0)
+    looked_at = correlation[: 2 * last + 2]
+    pairs = looked_at.reshape(-1, 2).sum(axis=1)
     ended = np.flatnonzero(pairs <= 0.0)
     end = int(ended[0]) if ended.size else last
-    sums = np.minimum.accumulate(pairs[:end])
+    falling = np.minimum.accumulate(pairs[:end])
     # Half of the pair that ends the sequence counts where it is positive.
     after = max(float(correlation[2 * end]), 0.0)
-    time = max(2.0 * float(sums.sum()) - 1.0 + after, 1.0 / np.log10(chains.size))
-    return float(chains.size / time)
+    return 2.0 * float(falling.sum()) - 1.0 + after
 
 
 def _covariances(chains: Chains) -> tuple[float, Annotated[FloatArray, "steps"]]:
     """The mean variance within chains, and their mean autocovariances by lag."""
     steps = chains.shape[1]
-    deviations = chains - chains.mean(axis=1, keepdims=True)
+    means = chains.mean(axis=1, keepdims=True)
     # Padded, so that no lag reaches around to the begin.
     length = 1 << (2 * steps - 1).bit_length()
-    power = np.abs(np.fft.rfft(deviations, length)) ** 2
-    covariance = np.fft.irfft(power.mean(axis=0), length)[:steps] / steps
-    return float(covariance[0] * steps / (steps - 1)), covariance
+    spectra = np.fft.rfft(chains - means, length)
+    power = np.mean(np.abs(spectra) ** 2, axis=0)
+    sums = np.fft.irfft(power, length)[:steps]
+    covariance = sums / steps
+    within = covariance[0] * steps / (steps - 1)
+    return float(within), covariance
 
 
 def _r_hat(halves: Chains, ensembles: int) -> float:
@@ -156,9 +199,12 @@ def _r_hat(halves: Chains, ensembles: int) -> float:
     steps = halves.shape[1]
     # Both halves of a chain are of its ensemble.
     by_half = halves.reshape(2, ensembles, -1, steps)
-    of_ensemble = by_half.transpose(1, 0, 2, 3).reshape(ensembles, -1, steps)
+    by_ensemble = by_half.transpose(1, 0, 2, 3)
+    of_ensemble = by_ensemble.reshape(ensembles, -1, steps)
     means = of_ensemble.mean(axis=2)
-    within = of_ensemble.var(axis=2, ddof=1).mean(axis=1) + means.var(axis=1, ddof=1)
+    variances = of_ensemble.var(axis=2, ddof=1)
+    within = variances.mean(axis=1) + means.var(axis=1, ddof=1)
     between = means.mean(axis=1).var(ddof=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.sqrt(1.0 + between / within.mean()))
+        ratio = between / within.mean()
+    return float(np.sqrt(1.0 + ratio))

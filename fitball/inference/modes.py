@@ -37,8 +37,12 @@ def parts_of_posterior(
 ) -> Parts:
     """The parts of the draws with gaps between them."""
     maxima = np.stack([problem.coordinates(values) for values in point.optima])
-    effective = min(diagnostics.ess_bulk.values())
-    return parts_of(_coordinates(problem, posterior), maxima, effective)
+    return parts_of(_coordinates(problem, posterior), maxima, _effective(diagnostics))
+
+
+def _effective(diagnostics: Diagnostics) -> float:
+    """The effective sample size of the parameter that has the smallest."""
+    return min(diagnostics.ess_bulk.values())
 
 
 def with_mass_first(
@@ -103,14 +107,16 @@ def modes_of(
     problem: Problem,
     point: PointFit,
     posterior: Posterior | None,
+    diagnostics: Diagnostics | None,
     draws: Draws,
     parts: Parts,
 ) -> tuple[Mode, ...]:
     """What each mode says of all free parameters and derived quantities, that of the largest share
-    first; none if there is one only.
+    first; none if there is one only, or no posterior with diagnostics.
     """
-    if posterior is None or not parts.splits:
+    if posterior is None or diagnostics is None or not parts.splits:
         return ()
+    effective = _effective(diagnostics)
     labels = parts.of(_coordinates(problem, posterior).reshape(-1, len(problem.free)))
     by_chain = labels.reshape(posterior.values.shape[:-1])
     sampled = np.stack([draws.values[name] for name in problem.free], axis=1)
@@ -122,17 +128,24 @@ def modes_of(
         inside = {name: values[of_draws == part] for name, values in draws.values.items()}
         peak = next(iter(np.flatnonzero(of_maxima == part).tolist()), None)
         best = None if peak is None else point.optima[peak]
-        share, error = _share(by_chain == part)
+        share, error = _share(by_chain == part, effective)
         modes.append(Mode(share, error, _summaries(problem, inside, best)))
     return tuple(modes)
 
 
-def _share(inside: Annotated[FloatArray, "ensembles steps walkers"]) -> tuple[float, float]:
-    """The share of the draws that are inside, and its Monte Carlo error."""
+def _share(
+    inside: Annotated[FloatArray, "ensembles steps walkers"],
+    effective: float,
+) -> tuple[float, float]:
+    """The share of the draws that are inside, and its Monte Carlo error, by as many draws as are
+    `effective`: weighted draws that were drawn again look independent. Walkers that seldom change
+    modes leave fewer.
+    """
     share = float(inside.mean())
     indicator = inside[..., None].astype(np.float64)
-    effective = Mixing(("inside",), indicator).ess_bulk["inside"]
-    return share, float(np.sqrt(share * (1.0 - share) / effective))
+    of_chains = Mixing(("inside",), indicator).ess_bulk["inside"]
+    fewer = min(effective, of_chains)
+    return share, float(np.sqrt(share * (1.0 - share) / fewer))
 
 
 def _summaries(

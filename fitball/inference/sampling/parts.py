@@ -171,8 +171,10 @@ def _split(
     if not planes:
         return None
     normal, dip = min(planes, key=lambda plane: plane[1].ratio)
-    sure = dip.sureness * (effective / len(z)) ** 0.5 > SURE_DIP
-    if not (dip.ratio < DEEP_DIP and sure and _is_in_halves(z, normal, dip, half, least)):
+    # No more count than are looked at.
+    sureness = dip.sureness * min(effective / len(z), 1.0) ** 0.5
+    is_deep = dip.ratio < DEEP_DIP and sureness > SURE_DIP
+    if not (is_deep and _is_in_halves(z, normal, dip, half, least)):
         return None
     direction = whitening @ normal
     return direction, float(dip.threshold + middle @ direction)
