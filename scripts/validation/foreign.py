@@ -65,9 +65,10 @@ SPEEDS = (10.0, 35.0)
 ANGLES = (12.0, 75.0)
 SPINS = (-300.0, 300.0)
 # What foreign balls break, by the beginning of the names of values that this concerns: beginnings
-# of what such a value `rests on`. No other law of restitution is the saturating one, and no other
-# ball twists as a shell about a core does.
-LAW = {"cor": ("cor", "model")}
+# of what such a value `rests on`. No other law of restitution is the saturating one, no other ball
+# twists as a shell about a core does, and none loses a part of its speed to a shell at once: with
+# `normal=momentum` restitution of slow balls ends at the mass ratio, here at one.
+LAW = {"cor": ("cor", "normal", "model")}
 STRUCTURE = {**LAW, "mu": ("torsion", "spin", "model")}
 
 
