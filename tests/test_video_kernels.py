@@ -36,7 +36,7 @@ def test_the_centre_of_a_disc_is_found_to_a_fiftieth_of_a_pixel(
     back = np.broadcast_to(np.array([0.1, 0.2, 0.5])[:, None, None], image.shape).copy()
     crop = Crop(0, 0, 0, np.zeros((60, 60), np.uint8))
     velocity, exposure = np.array([4000.0, 0.0]), length / 4000.0
-    view = View(0, 0.0, 0.0, 0.0, image, back, velocity, np.zeros(2), crop, image)
+    view = View(0, 0.0, 0.0, 0.0, image, back, velocity, np.zeros(2), 0.0, crop, image)
     disc = Disc(view, np.array([30.0, 30.0]), 15.0, turned, 0.004)
     start = np.array([30.0, 30.0, 15.0, 0.0, 0.0, exposure, 0.5])
     found = disc.fit(start, PLACE_AND_RADIUS, 20)

@@ -26,6 +26,8 @@ from fitball.tracks.types import Track
 # Relative sd of the radius of a disc in a film: light, felt and blur move its edge; by the same in
 # all frames of a film,
 _DISC_SD = 0.015
+# which counts more of a small ball [px],
+_DISC_SD_PX = 0.25
 # and partly in all films alike.
 _SHARED_DISC_SD = 0.005
 # Films that a note tells apart.
@@ -56,7 +58,7 @@ def scale_of_film(track: Track, gravity: Gravity) -> FilmScale:
     flights show it at that scale: the mean by inverse variances.
     """
     by_ball = track.metres_per_px
-    ball_own = float(np.hypot(_DISC_SD, track.radius_sd))
+    ball_own = float(np.linalg.norm([_DISC_SD, _DISC_SD_PX / track.radius_px, track.radius_sd]))
     ball = ball_own**2 + _SHARED_DISC_SD**2
     by_gravity = by_ball * GRAVITY / gravity.value
     relative = np.array([gravity.own_sd, gravity.shared_sd]) / gravity.value

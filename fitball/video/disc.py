@@ -30,6 +30,11 @@ _DAMPING = 1e-3
 _EASIER = 0.2
 _HARDER = 8.0
 _TRIALS = 5
+# Shades of a ball whose light is not known yet: the first ones.
+_FIRST_SHADES = 4
+# The shades of a picture whose x and y are exchanged.
+_TURNED = [0, 2, 1, 3, 4, 6, 5, 7, 8]
+_TURNED_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
 # Shades that hardly differ are kept apart by this share of their weight.
 _RIDGE = 1e-6
 # The fit ends when the sum of squares falls by less than this share.
@@ -74,9 +79,9 @@ class Disc:
         # Brightness of the frame against that of the others.
         self.gain = 1.0
         if outside.sum() > 20:
-            ratio = (back[:, outside] + 0.02) / (image[:, outside] + 0.02)
+            ratio = (back[0, outside] + 0.02) / (image[0, outside] + 0.02)
             self.gain = float(np.median(ratio))
-            image = image * self.gain
+            image = np.vstack([self.gain * image[:1], image[1:]])
             off = np.median(np.abs(image - back)[:, outside], axis=1)
             noise = np.maximum(1.48 * off, _LEAST_NOISE)
         inside = far < 0.7 * radius
@@ -84,50 +89,49 @@ class Disc:
             contrast = np.percentile(np.abs(image - back)[:, inside], 80, axis=1)
             noise = np.hypot(noise, _TEXTURE * contrast)
         self.noise = noise
+        self.softer = np.array([0.0, view.soft, view.soft])
         # Of the middle, where there is no edge, one pixel of four.
         grid = np.outer(np.arange(rows) % 2 == 0, np.arange(columns) % 2 == 0).ravel()
         keep = np.flatnonzero((far > 0.6 * radius) | grid)
         keep = keep[:: -(-len(keep) // _MOST_PIXELS)]
         self.image = np.ascontiguousarray(image[:, keep])
         self.back = np.ascontiguousarray(back[:, keep])
+        x, y = x.astype(float), y.astype(float)
         self.x, self.y = (y[keep], x[keep]) if turned else (x[keep], y[keep])
         self.velocity = view.velocity[::-1].copy() if turned else view.velocity
         self.upper = 0.0
-        # Brightness is any sum of these shades until the ball's own is known.
-        self.shades = np.eye(channels * kernels.SHADES)
-        self.colour = np.zeros((channels, kernels.SHADES))
-        self.look = np.zeros((channels, 2, 2))
-        # Factors of the shades of the last fit.
-        self.factors = np.zeros(0)
+        # Brightness is any sum of the first shades until the ball's own light is known.
+        self.colours = np.tile(np.eye(_FIRST_SHADES, kernels.SHADES), (channels, 1, 1))
+        self.look = np.ones((channels, 2, 2))
+        # Factors of the colours of the last fit.
+        self.factors = np.zeros((channels, 0))
+        # Residuals of each channel in the last fit over its noise.
+        self.scatter: FloatArray = np.ones(channels)
 
     def dress(
         self,
-        light: Annotated[FloatArray, "channels 4"],
+        light: Annotated[FloatArray, "channels 9"],
         look: Annotated[FloatArray, "channels n n"],
     ) -> None:
         """Take the brightness of the ball as known but for a factor in each channel, and its look,
         marks turned, as known.
         """
-        channels = len(light)
-        light = light[:, [0, 2, 1, 3]] if self.turned else light
-        self.shades = np.zeros((channels * kernels.SHADES, channels))
-        for channel, own in enumerate(light):
-            first = kernels.SHADES * channel
-            self.shades[first : first + kernels.SHADES, channel] = own
-        self.factors = np.zeros(0)
+        light = light[:, _TURNED] * _TURNED_SIGN if self.turned else light
+        self.colours = np.ascontiguousarray(light[:, None, :])
+        self.factors = np.zeros((len(light), 0))
         self.look = np.ascontiguousarray(np.swapaxes(look, 1, 2) if self.turned else look)
 
     def fit(self, start: FloatArray, free: Sequence[int], steps: int = 8) -> Fitted:
         """The disc of least squares from a start, with these parameters free."""
         p = self._turn(start)
-        count = self.shades.shape[1]
-        chosen = np.array([*free, *range(7, 7 + count)])
-        shades = self.factors
-        if not len(shades):
+        shape = self.colours.shape[:2]
+        chosen = np.array([*free, *range(7, 7 + shape[0] * shape[1])])
+        factors: FloatArray = self.factors.ravel()
+        if not len(factors):
             # Brightness enters linearly: one step finds it.
-            matrix, right, _ = self._normal(p, np.zeros(count))
-            shades = _solved(matrix, right, chosen[len(free) :], 0.0)
-        matrix, right, sums = self._normal(p, shades)
+            matrix, right, _ = self._normal(p, np.zeros(shape))
+            factors = _solved(matrix, right, chosen[len(free) :], 0.0)
+        matrix, right, sums = self._normal(p, factors.reshape(shape))
         damping = _DAMPING
         for _ in range(steps):
             for _ in range(_TRIALS):
@@ -135,50 +139,60 @@ class Disc:
                 trial = p.copy()
                 trial[list(free)] += step[: len(free)]
                 trial = self._bounded(trial)
-                other = shades + step[len(free) :]
-                normal = self._normal(trial, other)
-                if normal[2][0] < sums[0]:
+                other = factors + step[len(free) :]
+                normal = self._normal(trial, other.reshape(shape))
+                if normal[2][0].sum() < sums[0].sum():
                     break
                 damping *= _HARDER
-            if not normal[2][0] < sums[0]:
+            if not normal[2][0].sum() < sums[0].sum():
                 break
-            done = sums[0] - normal[2][0] < _CONVERGED * sums[0]
-            p, shades = trial, other
+            done = (sums[0] - normal[2][0]).sum() < _CONVERGED * sums[0].sum()
+            p, factors = trial, other
             matrix, right, sums = normal
             damping *= _EASIER
             if done:
                 break
         block = matrix[chosen[:, None], chosen]
-        scale = sums[0] / max(sums[2] - len(chosen), 1.0)
-        variance = np.diag(np.linalg.pinv(block))[: len(free)] * scale
+        scale = sums[0].sum() / max(sums[2].sum() - len(chosen), 1.0)
+        variance = np.diag(np.linalg.pinv(block))[: len(free)] * float(scale)
         sd = np.full(7, np.nan)
         sd[list(free)] = np.sqrt(np.maximum(variance, 0.0))
-        rest, none, weights = sums
+        rest, none, weights = sums.sum(1)
         quality = (none - rest) / max(none - min(0.95 * weights, rest), 0.3 * none)
-        self.factors = shades
-        colour = (self.shades @ shades).reshape(-1, kernels.SHADES)
-        self.colour = colour[:, [0, 2, 1, 3]] if self.turned else colour
+        self.factors = factors.reshape(shape)
+        self.scatter = np.sqrt(sums[0] / sums[2])
         return Fitted(self._turn(p), self._turn(sd), float(quality))
 
+    def lit(
+        self, fit: Annotated[FloatArray, "7"]
+    ) -> tuple[Annotated[FloatArray, "channels pixels"], Annotated[FloatArray, "2 pixels"]]:
+        """The share of each pixel that a disc covers, and the place (u, v) of it that is seen."""
+        p = self._turn(fit)
+        covers = np.empty((len(self.softer), self.x.size))
+        places = np.empty((2, self.x.size))
+        # Luma comes last: places are where it is seen.
+        for cover, softer in zip(covers[::-1], self.softer[::-1], strict=True):
+            kernels.lit(self.x, self.y, p, self.velocity, softer, cover, places)
+        return covers, places[::-1] if self.turned else places
+
     def _normal(
-        self, p: FloatArray, shades: FloatArray
+        self, p: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        matrix, right, sums = kernels.disc(
+        normal: tuple[FloatArray, FloatArray, FloatArray] = kernels.disc(
             self.image,
             self.back,
             self.x,
             self.y,
             p,
             self.velocity,
-            (self.shades @ shades).reshape(-1, kernels.SHADES),
+            self.colours,
+            factors,
             self.look,
             self.noise,
+            self.softer,
             self.upper,
         )
-        reduced = np.zeros((len(matrix), 7 + shades.size))
-        reduced[:7, :7] = np.eye(7)
-        reduced[7:, 7:] = self.shades
-        return reduced.T @ matrix @ reduced, right @ reduced, sums
+        return normal
 
     def _bounded(self, p: FloatArray) -> FloatArray:
         p[2] = max(p[2], _LEAST_RADIUS)

@@ -16,6 +16,7 @@ from fitball.base.numbers import counted
 from fitball.base.progress import Progress
 from fitball.base.values import FloatArray, IntArray
 from fitball.video.bounces import Chain, balls_of, frames_of
+from fitball.video.curves import smoothed, with_scatter
 from fitball.video.flights import Flight, flights_of, gravity_px
 from fitball.video.level import tilt_of
 from fitball.video.look import dress
@@ -50,6 +51,8 @@ _LONG_FLIGHT = 10
 # Rates that cameras have [1/s], and how near one is guessed.
 _RATES = (24, 25, 30, 50, 60, 100, 120, 240, 480, 960)
 _NEAR_RATE = 0.06
+# How often the look of a ball is read, each time by better places.
+_DRESSINGS = 2
 # A ball that rolls is seen in so many frames and falls by this share of a ball's fall at most.
 _LEAST_ROLLING = 10
 _ROLLING_FALL = 0.15
@@ -128,12 +131,17 @@ def _measured(
     fitting.begin()
     if not fitting.sized():
         return None, "what moves is no disc of one colour: no frame fits"
-    frames, p, quality = fitting.rough()
-    marks = _marks(clip, spots, chain, views, frames, p)
-    dress([fitting.discs[k] for k in frames.tolist()], p[:, :3], marks, quality > CLEAR)
-    if not fitting.sized():
-        return None, "what moves is no disc of one look: no frame fits"
+    for _ in range(_DRESSINGS):
+        frames, p, quality = fitting.rough()
+        flights = _rows_of_flights(chain, frames)
+        # The ball flies smoothly: what moves its disc off that is its look.
+        p[:, :2] = smoothed(spots.times[frames], p[:, :2], flights, quality > CLEAR)
+        marks = _marks(clip, spots, chain, views, frames, p)
+        dress([fitting.discs[k] for k in frames.tolist()], p, marks, quality > CLEAR)
+        if not fitting.sized():
+            return None, "what moves is no disc of one look: no frame fits"
     discs = fitting.measured()
+    discs = with_scatter(discs, _rows_of_flights(chain, discs.frames))
     reason = _no_ball(chain, discs, look)
     if reason:
         return None, reason

@@ -21,8 +21,10 @@ AREA, LEFT, TOP, RIGHT, BOTTOM, X, Y, XX, XY, YY, STRENGTH = range(11)
 # Parameters of a disc: centre and radius [px], how much longer it is along the readout of the
 # rows and how much it leans against it, exposure [s], blur of the edge [px].
 DISC = ("x", "y", "r", "stretch", "lean", "exposure", "blur")
-# Functions of brightness within a disc: 1, u, v, and height of the surface.
-SHADES = 4
+# Functions of brightness within a disc: harmonics of the first and second order of the surface's
+# normal (u, v, h), which hold 99 % of the light that a matt ball sends back (Basri and Jacobs, IEEE
+# PAMI 25 (2003) 218): 1, u, v, h, uv, uh, vh, uu - vv, 3hh - 1.
+SHADES = 9
 # A look is on a square from -LOOK to LOOK radii about the centre.
 LOOK = 1.1
 # Beyond so many sds of its blur an edge is sharp.
@@ -296,56 +298,96 @@ def disc(
     y: Annotated[FloatArray, "pixels"],
     p: Annotated[FloatArray, "7"],
     velocity: Annotated[FloatArray, "2"],
-    shades: Annotated[FloatArray, "channels 4"],
+    colours: Annotated[FloatArray, "channels colours 9"],
+    factors: Annotated[FloatArray, "channels colours"],
     look: Annotated[FloatArray, "channels size size"],
     noise: Annotated[FloatArray, "channels"],
+    softer: Annotated[FloatArray, "channels"],
     upper: float,
 ) -> tuple[Annotated[FloatArray, "all all"], Annotated[FloatArray, "all"], FloatArray]:
-    """Normal equations of a blurred, moving disc `p` (DISC) of brightness `shades` and a `look`
-    (its marks) before a background, in all of these parameters but the look, channel after channel:
-    matrix, right side, and three sums: of weighted squared residuals, robust; the same of the
-    background alone; of weights.
+    """Normal equations of a blurred, moving disc `p` (DISC) before a background. Its brightness is
+    the sum of `factors` times `colours`, each a sum of shades, times a `look` (its marks), and its
+    edge is as much `softer` [px] in each channel. Free are the disc and the factors, channel after
+    channel: matrix, right side, and of each channel three sums: of weighted squared residuals,
+    robust; the same of the background alone; of weights.
 
     The share of a pixel that the disc covers is that of a blurred edge, averaged over the exposure.
     Residuals count fully at the rim and by a quarter inside, where marks are; with `upper` above 0
     only where v < `upper` (a ball that lies on its shadow).
     """
     channels = image.shape[0]
-    size = 7 + SHADES * channels
+    count = colours.shape[1]
+    size = 7 + count * channels
     matrix = np.zeros((size, size))
     right = np.zeros(size)
-    sums = np.zeros(3)
+    sums = np.zeros((3, channels))
     edge = np.zeros(7)
     base = np.zeros(SHADES)
+    parts = np.zeros(count)
     for k in range(image.shape[1]):
         dx = x[k] - p[0]
         dy = y[k] - p[1]
-        cover = _covered(dx, dy, p, velocity, edge)
         v = dy / ((1.0 + p[3]) * p[2])
         u = (dx - p[4] * dy) / p[2]
-        d2 = u * u + v * v
-        weight = 0.25 + 0.75 * _step(25.0 * (math.sqrt(d2) - 0.75))
+        d = math.sqrt(u * u + v * v) + 1e-9
+        weight = 0.25 + 0.75 * _step(25.0 * (d - 0.75))
         if upper > 0.0:
             weight *= 0.02 + 0.98 * _step(12.0 * (upper - v))
         weight *= weight
-        _shaded(u, v, d2, 2.0 * p[6] / p[2], base)
         for c in range(channels):
-            ball = _sampled(look[c], base[1], base[2])
-            for i in range(SHADES):
-                ball += shades[c, i] * base[i]
+            if c == 0 or abs(softer[c] - softer[c - 1]) > 0.0:
+                blur = math.hypot(p[6], softer[c])
+                cover = _covered(dx, dy, p, blur, velocity, edge)
+                inner = _inward(u, v, d, p, blur, velocity)
+                _shaded(u * inner, v * inner, base)
+            seen = _sampled(look[c], base[1], base[2])
+            ball = 0.0
+            for i in range(count):
+                total = 0.0
+                for j in range(SHADES):
+                    total += colours[c, i, j] * base[j]
+                parts[i] = total * seen * cover
+                ball += factors[c, i] * total * seen
             bright = ball - back[c, k]
             residual = (image[c, k] - back[c, k] - cover * bright) / noise[c]
             empty = (image[c, k] - back[c, k]) / noise[c]
             robust = 1.0 / (1.0 + residual * residual / 36.0)
-            sums[0] += weight * residual * residual * robust
-            sums[1] += weight * empty * empty / (1.0 + empty * empty / 36.0)
-            sums[2] += weight
+            sums[0, c] += weight * residual * residual * robust
+            sums[1, c] += weight * empty * empty / (1.0 + empty * empty / 36.0)
+            sums[2, c] += weight
             robust *= robust * weight / (noise[c] * noise[c])
-            _added(matrix, right, edge, bright, base, cover, robust, residual * noise[c], c)
+            _added(matrix, right, edge, bright, parts, robust, residual * noise[c], c)
     for i in range(size):
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     return matrix, right, sums
+
+
+@entry
+def lit(
+    x: Annotated[FloatArray, "pixels"],
+    y: Annotated[FloatArray, "pixels"],
+    p: Annotated[FloatArray, "7"],
+    velocity: Annotated[FloatArray, "2"],
+    softer: float,
+    covers: Annotated[FloatArray, "pixels"],
+    places: Annotated[FloatArray, "2 pixels"],
+) -> None:
+    """Of each pixel the share that a disc `p` covers, with an edge that is `softer` [px], and the
+    place (u, v) of the disc [radii] that is seen there on average.
+    """
+    edge = np.zeros(7)
+    blur = math.hypot(p[6], softer)
+    for k in range(x.shape[0]):
+        dx = x[k] - p[0]
+        dy = y[k] - p[1]
+        v = dy / ((1.0 + p[3]) * p[2])
+        u = (dx - p[4] * dy) / p[2]
+        d = math.sqrt(u * u + v * v) + 1e-9
+        inner = _inward(u, v, d, p, blur, velocity)
+        covers[k] = _covered(dx, dy, p, blur, velocity, edge)
+        places[0, k] = u * inner
+        places[1, k] = v * inner
 
 
 @_part
@@ -354,27 +396,26 @@ def _added(
     right: FloatArray,
     edge: FloatArray,
     bright: float,
-    base: FloatArray,
-    cover: float,
+    parts: FloatArray,
     weight: float,
     residual: float,
     channel: int,
 ) -> None:
     """Add a pixel of a channel to the lower half of the normal equations."""
-    first = 7 + SHADES * channel
+    first = 7 + parts.shape[0] * channel
     if abs(edge[2]) > 0.0:
         for i in range(7):
             g = weight * edge[i] * bright
             right[i] += g * residual
             for j in range(i + 1):
                 matrix[i, j] += g * edge[j] * bright
-    for i in range(SHADES):
-        g = weight * base[i] * cover
+    for i in range(parts.shape[0]):
+        g = weight * parts[i]
         right[first + i] += g * residual
         for j in range(7):
             matrix[first + i, j] += g * edge[j] * bright
         for j in range(i + 1):
-            matrix[first + i, first + j] += g * base[j] * cover
+            matrix[first + i, first + j] += g * parts[j]
 
 
 @_part
@@ -384,11 +425,18 @@ def _step(z: float) -> float:
 
 
 @_part
-def _covered(dx: float, dy: float, p: FloatArray, velocity: FloatArray, g: FloatArray) -> float:
+def _covered(
+    dx: float,
+    dy: float,
+    p: FloatArray,
+    blur: float,
+    velocity: FloatArray,
+    g: FloatArray,
+) -> float:
     """The share of a pixel that the disc covers, and in `g` its derivatives by `p`."""
     for i in range(7):
         g[i] = 0.0
-    r, stretch, lean, exposure, blur = p[2], p[3], p[4], p[5], p[6]
+    r, stretch, lean, exposure = p[2], p[3], p[4], p[5]
     length = math.hypot(velocity[0], velocity[1]) * exposure
     steps = int(min(max(math.ceil(length / (1.5 * blur + 0.1 * r)), 1.0), 31.0))
     cover = 0.0
@@ -416,20 +464,40 @@ def _covered(dx: float, dy: float, p: FloatArray, velocity: FloatArray, g: Float
         g[4] += density * nu * ey
         along = nu * (velocity[0] - lean * velocity[1]) + nv * velocity[1]
         g[5] += density * share * along
-        g[6] -= density * z
+        g[6] -= density * z * p[6] / blur
     return cover / steps
 
 
 @_part
-def _shaded(u: float, v: float, d2: float, soft: float, base: FloatArray) -> None:
-    """The functions of brightness in a pixel, into `base`."""
-    # The height is blurred as well, else its slope at the rim makes the residuals jump.
-    height = math.sqrt(0.5 * (1.0 - d2 + math.sqrt((1.0 - d2) ** 2 + soft * soft)))
-    near = min(1.0, 1.6 / math.sqrt(d2 + 1e-9))
+def _inward(
+    u: float, v: float, d: float, p: FloatArray, blur: float, velocity: FloatArray
+) -> float:
+    """By what factor nearer to the centre the light of a pixel at (u, v) comes from, on average: at
+    a blurred edge only from inside of it.
+    """
+    along = (u * velocity[0] + v * velocity[1]) / d * p[5]
+    soft = math.sqrt(blur * blur + along * along / 12.0)
+    z = max((1.0 - d) * p[2] / soft, -_EDGE)
+    if z > _EDGE:
+        return 1.0
+    density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+    mean = z + density / (0.5 * math.erfc(-z * math.sqrt(0.5)))
+    return float(max(1.0 - mean * soft / p[2], 0.0) / d)
+
+
+@_part
+def _shaded(u: float, v: float, base: FloatArray) -> None:
+    """The functions of brightness at a place within the disc, into `base`."""
+    height = math.sqrt(max(1.0 - u * u - v * v, 0.0))
     base[0] = 1.0
-    base[1] = u * near
-    base[2] = v * near
+    base[1] = u
+    base[2] = v
     base[3] = height
+    base[4] = u * v
+    base[5] = u * height
+    base[6] = v * height
+    base[7] = u * u - v * v
+    base[8] = 3.0 * height * height - 1.0
 
 
 @_part

@@ -1,79 +1,165 @@
-"""The look of a ball over its disc: light, what stands still with it, and marks that turn."""
+"""The look of a ball over its disc: light that stands still, times a texture that turns."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 
-from fitball.base.values import BoolArray, FloatArray
+from fitball.base.values import BoolArray, FloatArray, IntArray
 from fitball.video import kernels
 from fitball.video.disc import Disc
 from fitball.video.marks import Marks
 
-# Places of a look in each direction, and how far from the centre it is read [radii]; what is
-# nearer to the rim looks like what is inside of it.
+# Places of a look in each direction, and over how many of them it is smoothed.
 _SIZE = 41
-_KNOWN = 0.9
-# Fewest frames whose angles are known, by which marks are taken apart from light; how often.
-_LEAST_ANGLES = 8
-_TIMES = 3
+_PLACES_PER_RADIUS = (_SIZE - 1) / (2.0 * kernels.LOOK)
+_SMOOTH = 0.7
 _AXIS = np.linspace(-kernels.LOOK, kernels.LOOK, _SIZE)
 _U, _V = np.meshgrid(_AXIS, _AXIS)
-_NEAR = np.minimum(1.0, _KNOWN / np.maximum(np.hypot(_U, _V), 1e-9))
-_INNER_U, _INNER_V = _NEAR * _U, _NEAR * _V
-_HEIGHT = np.sqrt(1.0 - _INNER_U**2 - _INNER_V**2)
+# Pixels of which the ball covers this share show it.
+_COVERED = 0.3
+# Fewest frames whose angles are known, by which texture is taken apart from light; how often.
+_LEAST_ANGLES = 8
+_TIMES = 4
+# Where pixels of this weight show a place it is as they say, where fewer do as without texture.
+_WEIGHT = 2.0
+# Brightness below this share of the mean shows no texture.
+_DARKEST = 0.1
+
+
+class _Pixels(NamedTuple):
+    """Pixels of several frames that show the ball: of each the `row` of its frame, its `place` on
+    the disc, its weight, and its brightness if the ball covered all of it.
+    """
+
+    row: Annotated[IntArray, "pixels"]
+    place: Annotated[FloatArray, "2 pixels"]
+    weight: Annotated[FloatArray, "pixels"]
+    brightness: Annotated[FloatArray, "channels pixels"]
+
+    def chosen(self, use: Annotated[BoolArray, "pixels"]) -> _Pixels:
+        """Some of the pixels."""
+        return _Pixels(self.row[use], self.place[:, use], self.weight[use], self.brightness[:, use])
+
+
+def _pixels(discs: Sequence[Disc], fits: Annotated[FloatArray, "frames 7"]) -> _Pixels:
+    """The pixels that show the ball in frames where it is seen clearly."""
+    parts = []
+    for row, (disc, fit) in enumerate(zip(discs, fits, strict=True)):
+        covers, place = disc.lit(fit)
+        use = covers[0] > _COVERED
+        covers = covers[:, use]
+        image, back = disc.image[:, use], disc.back[:, use]
+        seen = (image - (1.0 - covers) * back) / covers
+        weight = covers[0] ** 2
+        # Frames are as bright as each other.
+        seen /= np.average(seen, axis=1, weights=weight)[:, None]
+        parts.append(_Pixels(np.full(weight.size, row), place[:, use], weight, seen))
+    return _Pixels(
+        np.concatenate([part.row for part in parts]),
+        np.concatenate([part.place for part in parts], axis=1),
+        np.concatenate([part.weight for part in parts]),
+        np.concatenate([part.brightness for part in parts], axis=1),
+    )
 
 
 def dress(
-    discs: list[Disc],
-    places: Annotated[FloatArray, "frames 3"],
+    discs: Sequence[Disc],
+    fits: Annotated[FloatArray, "frames 7"],
     marks: Marks,
     clear: Annotated[BoolArray, "frames"],
 ) -> None:
-    """Give each disc the look of the ball, with marks turned by its angle, from the frames that
-    show it clearly, at places (x, y, radius) [px].
+    """Give each disc the light and the look of the ball, with marks turned by its angle, from the
+    frames that show it clearly as discs `fits`.
     """
     rows = np.flatnonzero(clear)
-    light = np.median([discs[k].colour for k in rows], axis=0)
-    shades = np.stack([np.ones_like(_U), _INNER_U, _INNER_V, _HEIGHT])
-    plain = np.tensordot(light, shades, 1)
-    rest = np.array([_left(discs[k], places[k], plain) for k in rows])
-    still = np.median(rest, axis=0)
-    texture = np.zeros_like(still)
-    angle = marks.angle[rows]
-    known = np.flatnonzero(np.isfinite(angle))
-    if len(known) >= _LEAST_ANGLES:
+    pixels = _pixels([discs[k] for k in rows.tolist()], fits[rows])
+    light = _light(pixels)
+    still = _map(pixels.place, pixels, _shaded(light, pixels.place))
+    own = still
+    texture = np.ones_like(still)
+    angles = marks.angle[rows]
+    if np.isfinite(angles).sum() >= _LEAST_ANGLES:
+        pixels = pixels.chosen(np.isfinite(angles[pixels.row]))
+        turned = _turned(pixels.place, angles[pixels.row])
+        plain = _shaded(light, pixels.place)
+        own = np.ones_like(still)
         for _ in range(_TIMES):
-            texture = np.mean([_turned(rest[k] - still, -angle[k]) for k in known], axis=0)
-            still = np.mean([rest[k] - _turned(texture, angle[k]) for k in known], axis=0)
+            texture = _map(turned, pixels, plain * _sampled(own, pixels.place))
+            own = _map(pixels.place, pixels, plain * _sampled(texture, turned))
+    grid = np.stack([_U, _V])
     for disc, turn in zip(discs, marks.angle, strict=True):
-        disc.dress(light, still + _turned(texture, turn) if np.isfinite(turn) else still)
+        look = still
+        if np.isfinite(turn):
+            look = own * _sampled(texture, _turned(grid, turn))
+        disc.dress(light, look)
 
 
-def _left(
-    disc: Disc,
-    place: FloatArray,
-    plain: Annotated[FloatArray, "channels n n"],
-) -> Annotated[FloatArray, "channels n n"]:
-    """What light does not explain of the brightness of a disc."""
-    x, y, radius = place
-    view = disc.view
-    at = [y + radius * _INNER_V - view.top, x + radius * _INNER_U - view.left]
-    seen = np.stack(
-        [map_coordinates(channel, at, order=1, mode="nearest") for channel in view.image]
-    )
-    seen *= disc.gain
-    factor = (seen * plain).sum((1, 2)) / (plain * plain).sum((1, 2))
-    return np.asarray(seen - plain * factor[:, None, None])
-
-
-def _turned(look: Annotated[FloatArray, "channels n n"], angle: float) -> FloatArray:
-    """A look turned counterclockwise in the picture."""
+def _turned(
+    place: Annotated[FloatArray, "2 any"], angle: FloatArray | float
+) -> Annotated[FloatArray, "2 any"]:
+    """Places of the ball turned back by an angle counterclockwise in the picture."""
     cos, sin = np.cos(angle), np.sin(angle)
-    scale = (_SIZE - 1) / (2.0 * kernels.LOOK)
-    u, v = cos * _U - sin * _V, sin * _U + cos * _V
-    at = [(v + kernels.LOOK) * scale, (u + kernels.LOOK) * scale]
-    turned = [map_coordinates(channel, at, order=1, mode="nearest") for channel in look]
-    return np.stack(turned)
+    u, v = place
+    return np.stack([cos * u - sin * v, sin * u + cos * v])
+
+
+def _shades(place: Annotated[FloatArray, "2 any"]) -> Annotated[FloatArray, "9 any"]:
+    """The functions of brightness of the kernel (`kernels.SHADES`)."""
+    u, v = place
+    h = np.sqrt(np.maximum(1.0 - u * u - v * v, 0.0))
+    return np.stack([np.ones_like(u), u, v, h, u * v, u * h, v * h, u * u - v * v, 3 * h * h - 1])
+
+
+def _light(pixels: _Pixels) -> Annotated[FloatArray, "channels 9"]:
+    """The shades that explain the brightness of a ball."""
+    root = np.sqrt(pixels.weight)
+    design = (_shades(pixels.place) * root).T
+    return np.asarray(np.linalg.lstsq(design, (pixels.brightness * root).T, rcond=None)[0].T)
+
+
+def _shaded(light: FloatArray, place: FloatArray) -> FloatArray:
+    return np.maximum(light @ _shades(place), _DARKEST)
+
+
+def _map(
+    place: Annotated[FloatArray, "2 pixels"],
+    pixels: _Pixels,
+    plain: Annotated[FloatArray, "channels pixels"],
+) -> Annotated[FloatArray, "channels n n"]:
+    """By what factor pixels are brighter than `plain`, at each place of a look."""
+    u, v = (place + kernels.LOOK) * _PLACES_PER_RADIUS
+    column, row = u.astype(int), v.astype(int)
+    right, low = u - column, v - row
+    corners = [
+        (row * _SIZE + column, (1.0 - right) * (1.0 - low)),
+        (row * _SIZE + column + 1, right * (1.0 - low)),
+        ((row + 1) * _SIZE + column, (1.0 - right) * low),
+        ((row + 1) * _SIZE + column + 1, right * low),
+    ]
+
+    def gathered(values: Annotated[FloatArray, "pixels"]) -> Annotated[FloatArray, "n n"]:
+        """Sums of values about each place."""
+        flat = np.zeros(_SIZE**2)
+        for at, share in corners:
+            flat += np.bincount(at, share * values, minlength=_SIZE**2)
+        return np.asarray(gaussian_filter(flat.reshape(_SIZE, _SIZE), _SMOOTH))
+
+    factors = []
+    for seen, base in zip(pixels.brightness, plain, strict=True):
+        prior = _WEIGHT * float(np.mean(base * base))
+        products = gathered(seen * base * pixels.weight) + prior
+        squares = gathered(base * base * pixels.weight) + prior
+        factors.append(np.maximum(products / squares, _DARKEST))
+    return np.stack(factors)
+
+
+def _sampled(
+    look: Annotated[FloatArray, "channels n n"], place: Annotated[FloatArray, "2 any"]
+) -> Annotated[FloatArray, "channels any"]:
+    """A look at places of the disc."""
+    at = (place[::-1] + kernels.LOOK) * _PLACES_PER_RADIUS
+    return np.stack([map_coordinates(channel, at, order=1, mode="nearest") for channel in look])

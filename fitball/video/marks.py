@@ -107,8 +107,7 @@ def _waves(
     for view, (x, y, radius) in zip(views, places, strict=True):
         across = x - view.left + radius * np.outer(_RINGS, np.cos(theta))
         down = y - view.top - radius * np.outer(_RINGS, np.sin(theta))
-        mean = view.image.mean(0)
-        light = map_coordinates(mean, [down, across], order=1, mode="nearest")
+        light = map_coordinates(view.image[0], [down, across], order=1, mode="nearest")
         level = light ** (1.0 / GAMMA)
         rings.append(level / level.mean() * np.sqrt(_RINGS / _RINGS[-1])[:, None])
     waves = np.fft.rfft(np.array(rings), axis=2)[:, :, :_ORDERS]

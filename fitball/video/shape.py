@@ -43,6 +43,8 @@ _MOST_LOST = 2
 _SMOOTH = 15
 # Light makes a ball look longer or leaning by so much (sd), always alike.
 _LIGHT_SD = 0.03
+# Errors of shapes last over at most so many frames, while felt and marks turn.
+_LASTING = 12.0
 # Residuals of shapes beyond so many sds count less.
 _HUBER = 2.0
 
@@ -69,6 +71,16 @@ class Discs:
     def radius(self) -> float:
         """The median radius [px]."""
         return float(np.median(self.radius_free[self.quality > SEEN]))
+
+
+def _lasting(pulls: Annotated[FloatArray, "frames"], frames: IntArray) -> float:
+    """By how much an sd is larger since pulls of frames near each other are alike (Newey and West,
+    Econometrica 55 (1987) 703); 1 at least.
+    """
+    apart = np.abs(np.subtract.outer(frames, frames))
+    share = np.maximum(1.0 - apart / _LASTING, 0.0)
+    ratio = float(pulls @ share @ pulls / (pulls @ pulls))
+    return float(max(ratio, 1.0) ** 0.5)
 
 
 class Fitting:
@@ -135,6 +147,12 @@ class Fitting:
         """The frames whose disc is seen."""
         return [k for k in sorted(self.fits) if self.fits[k].quality > quality]
 
+    def weigh(self) -> None:
+        """The noise of each channel by what the ball's discs leave of it."""
+        scatter = np.median([self.discs[k].scatter for k in self.clear()], axis=0)
+        for disc in self.discs.values():
+            disc.noise = disc.noise * scatter
+
     def share(self) -> None:
         """Exposure and blur by the frames that show them best: those of fast balls."""
         clear = self.clear()
@@ -163,7 +181,8 @@ class Fitting:
         the shutter's, what does not is the light's.
         """
         rows = []
-        for k in self.clear():
+        clear = self.clear()
+        for k in clear:
             fit = self.discs[k].fit(self.fits[k].p, SHAPE)
             along, across = self._velocity(k)
             rows.append((along, 1.0, 0.0, fit.p[3], fit.sd[3]))
@@ -179,8 +198,12 @@ class Fitting:
             scale = max(1.48 * float(np.median(np.abs(off))), 1e-9)
             weight[:-2] = 1.0 / (sd * scale) / np.sqrt(1.0 + (off / (_HUBER * scale)) ** 2)
         weighted = design * weight[:, None]
-        covariance = np.linalg.inv(weighted.T @ weighted)
-        return Estimate(float(found[0]), float(np.sqrt(covariance[0, 0]))), found[1:]
+        inverse = np.linalg.inv(weighted.T @ weighted)
+        pulls = weighted[:-2] * (weight * (right - design @ found))[:-2, None]
+        of_frames = pulls.reshape(len(clear), 2, 3).sum(1)
+        wider = _lasting(of_frames @ inverse[0], np.array(clear))
+        sd_found = float(np.sqrt(inverse[0, 0])) * wider
+        return Estimate(float(found[0]), sd_found), found[1:]
 
     def _velocity(self, k: int) -> tuple[float, float]:
         """Velocity along the readout of rows and across it [px/s]."""
@@ -192,6 +215,7 @@ class Fitting:
         """Exposure, blur and radii anew; whether enough frames show the disc."""
         if len(self.clear()) < LEAST_FRAMES:
             return False
+        self.weigh()
         self.share()
         self.free_radii()
         return len(self.clear()) >= LEAST_FRAMES

@@ -29,6 +29,9 @@ _OUTER_SHORT = 6
 _REACH_RADII = 1.35
 _REACH_PX = 5.0
 _GUESS_RADII = 0.5
+# Colour differences of half as many pixels are softer by so much [px], by what codes leave of them:
+# of films rendered with a blur of 0.8 px luma then has one of 0.9 to 1.4 px.
+_SOFT = 1.6
 # The background is the median of so many frames, and of so many at least.
 _BACKGROUNDS = 9
 _LEAST_BACKGROUNDS = 3
@@ -48,8 +51,9 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The part of a frame about the ball: light of the `image` and of the `back`ground [share of
-    white] at steadied coordinates. `crop` is what is drawn, `colours` are the means of both colour
+    """The part of a frame about the ball: channels of the `image` and of the `back`ground at
+    steadied coordinates, light [share of white] and two colour differences, which are softer by
+    `soft` [px]. `crop` is what is drawn, `colours` are the means of both colour
     differences about the middle of the ball, less those of the background.
     """
 
@@ -61,6 +65,7 @@ class View:
     back: Annotated[FloatArray, "3 rows columns"]
     velocity: Annotated[FloatArray, "2"]
     shift: Annotated[FloatArray, "2"]
+    soft: float
     crop: Crop
     colours: Annotated[FloatArray, "3 rows columns"]
 
@@ -137,18 +142,20 @@ def views_of(
             wanted[k].append(part.index)
     cut: dict[int, dict[int, FloatArray]] = defaultdict(dict)
     views = {}
+    soft = 0.0
     velocities = dict(zip(course.frames.tolist(), course.velocities, strict=True))
     last = max(wanted, default=-1)
     for k, frame in enumerate(clip.frames()):
         if k > last:
             break
         progress("measuring the ball", k / (last + 1))
+        soft = _SOFT * (frame.luma.shape[1] / frame.chroma.shape[1] - 1.0)
         for index in wanted.get(k, ()):
             part = parts[index]
             cut[index][k] = _planes(frame, part, spots.shifts[k] - spots.shifts[index])
             if len(cut[index]) == len(part.backgrounds) + 1:
                 planes = cut.pop(index)
-                views[index] = _view(clip, spots, part, planes, velocities[index])
+                views[index] = _view(clip, spots, part, planes, velocities[index], soft)
     return views
 
 
@@ -203,6 +210,7 @@ def _view(
     part: _Part,
     planes: Mapping[int, FloatArray],
     velocity: FloatArray,
+    soft: float,
 ) -> View:
     own = planes[part.index]
     backs = np.stack([planes[k] for k in part.backgrounds])
@@ -214,20 +222,19 @@ def _view(
         float(spots.times[part.index]),
         part.left - float(shift[0]),
         part.top - float(shift[1]),
-        _light(own, clip),
-        _light(background, clip),
+        _channels(own, clip),
+        _channels(background, clip),
         velocity,
         shift,
+        soft,
         crop,
         own,
     )
 
 
-def _light(planes: Annotated[FloatArray, "3 rows columns"], clip: Clip) -> FloatArray:
-    """Red, green and blue light, as shares of white, of luma and colour differences (BT.709)."""
+def _channels(planes: Annotated[FloatArray, "3 rows columns"], clip: Clip) -> FloatArray:
+    """Light of luma, as a share of white, and colour differences, 0.5 without colour. Red, green
+    and blue would have the soft edges of the colour differences, which films have less sharp.
+    """
     luma = (planes[0].astype(float) - clip.black) / (clip.white - clip.black)
-    # Colour differences have 224 levels where luma has 219.
-    span = 224.0 / 219.0 * (clip.white - clip.black)
-    blue, red = (planes[1:].astype(float) - 128.0) / span
-    rgb = np.stack([luma + 1.5748 * red, luma - 0.1873 * blue - 0.4681 * red, luma + 1.8556 * blue])
-    return np.asarray(np.clip(rgb, 0.0, 1.0) ** GAMMA)
+    return np.stack([np.clip(luma, 0.0, 1.0) ** GAMMA, *(planes[1:].astype(float) / 256.0)])
