@@ -104,7 +104,7 @@ class Disc:
         self.colours = np.tile(np.eye(_FIRST_SHADES, kernels.SHADES), (channels, 1, 1))
         self.look = np.ones((channels, 2, 2))
         # Factors of the colours of the last fit.
-        self.factors = np.zeros((channels, 0))
+        self.factors: FloatArray = np.zeros((channels, 0))
         # Residuals of each channel in the last fit over its noise.
         self.scatter: FloatArray = np.ones(channels)
 
