@@ -127,6 +127,10 @@ def plot(
     figures: Names = (),
     *,
     format: str = "png",
+    width: str = "",
+    parameters: Names = (),
+    columns: Names = (),
+    groups: Names = (),
     model: Model | str = "",
 ) -> Drawn:
     """Draw figures of a fit into its folder; without names all.
@@ -136,11 +140,17 @@ def plot(
         figures (FIGURE ...): curves, corner, profiles, forest, predictive, regimes, regime_map,
             residuals, trace
         format (FORMAT): png, svg or pdf
+        width (WIDTH): of a column of your journal: 88mm, 8.8cm or 3.5in (default: 6in)
+        parameters (A,B,...): of corner, profiles, forest and trace, derived quantities too
+        columns (A,B,...): measured columns of curves, predictive and residuals
+        groups (LABEL,...): surfaces or balls of curves, all at the same speed and spin
         model (FILE.py:NAME): the function of your own that the fit was made with
 
     Raises:
-        ParameterError: no such format (`format`) or figure (`unknown-figure`), or the fit has no
-            data for it (`no-such-data`).
+        ParameterError: no such format (`format`), width (`width`) or figure (`unknown-figure`), or
+            the fit has no data for it (`no-such-data`). A figure does not show what was chosen
+            (`not-for-this-figure`), or there is no such parameter or column (`unknown-quantity`) or
+            group (`unknown-label`).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
         ModelError: another function than the one of the fit (`own-model`).
 
@@ -154,11 +164,15 @@ def plot(
     Command line:
         fitball plot fits/wang_all/default
         fitball plot fits/wang_all/default curves corner --format pdf
+        fitball plot fits/wang_all/default corner --parameters mu,cor_10 --width 88mm
     """
-    from fitball.report.plotted import choose_figures
+    from fitball.report.figures.chosen import Chosen
+    from fitball.report.plotted import choose_figures, width_of
     from fitball.results.drawn import Drawn
 
-    return Drawn(choose_figures(_fit(fit, model), names_of(figures), format))
+    chosen = Chosen(*(tuple(names_of(names)) for names in (parameters, columns, groups)))
+    wide = width_of(width)
+    return Drawn(choose_figures(_fit(fit, model), names_of(figures), format, chosen, wide))
 
 
 def simulate(
@@ -230,6 +244,7 @@ def export(
     at: str = "",
     engine: str = "",
     medians: bool = False,
+    parameters: Names = (),
 ) -> Exported:
     """Write parameters, or the bounce itself as source code, for another program.
 
@@ -240,8 +255,8 @@ def export(
         fit (FIT): result folder of fitball calibrate; without it --model
         to (FORMAT): c, csharp, javascript, esm, types (of esm), python, gdscript (code with a
             self-test), golden (impacts and rebounds of that test), page (HTML with sliders),
-            engine, engine-json (settings and recipes for physics engines), json, latex, markdown
-            (parameters), arviz (draws)
+            engine, engine-json (settings and recipes for physics engines), json, latex, siunitx,
+            markdown (parameters), arviz (draws)
         level (COLUMN=LABEL): one surface or ball of the fit; surface=new: one that was not measured
         model (NAME): a model without a fit, or the function of your own that the fit was made with
         fix (NAME=VALUE): value of a parameter of --model in SI, or a published one,
@@ -250,6 +265,7 @@ def export(
             omega_1=0"
         engine (NAME): the recipe of this physics engine alone
         medians: medians of the fit in place of its best values
+        parameters (A,B,...): rows of latex, siunitx and markdown (default: all)
 
     Raises:
         ParameterError: neither a fit nor a model (`fit-or-model`). The format is unknown
@@ -257,7 +273,8 @@ def export(
             parameter or key is unknown (`unknown-label`, `unknown-parameter`, `unknown-key`). A
             value is no number or out of bounds (`not-a-number`, `out-of-bounds`), or has no answer
             (`no-answer`). The impact cannot be read (`impact`). The engine is unknown
-            (`unknown-engine`). An option is no mapping (`pairs`).
+            (`unknown-engine`). An option is no mapping (`pairs`). There is no such row
+            (`unknown-quantity`).
         ModelError: the model has no source code to export (`no-port`), is a function (`own-model`),
             or is unknown (`unknown-model`, `unknown-option`).
         FolderError: there is no fit that can be read (`no-fit`, `other-version`, `changed`).
@@ -282,7 +299,16 @@ def export(
         raise ParameterError("expected the folder of a fit, or --model (model=)", "fit-or-model")
     levels = read_texts("level", level)
     values = read_pairs("fix", fix)
-    contents = exported(source, to, level=levels, fix=values, at=at, engine=engine, medians=medians)
+    contents = exported(
+        source,
+        to,
+        level=levels,
+        fix=values,
+        at=at,
+        engine=engine,
+        medians=medians,
+        chosen=names_of(parameters),
+    )
     return Exported(contents)
 
 

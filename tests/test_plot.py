@@ -3,12 +3,17 @@
 import threading
 import time
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
+from matplotlib.text import Text
 from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball import cli
 from fitball.base import files
+from fitball.base.errors import FitballError
+from fitball.inference.curves import curves_frame, equal_series
 from fitball.report.figures import FIGURES
 
 STARTS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -109,3 +114,76 @@ def test_a_plan_and_a_simulation_go_below_the_fit(tmp_path, monkeypatch, capsys)
         cli.main(["simulate", "--impact", "v_1=20, theta_1=30", "--json", "--out", "by_hand"]) == 0
     )
     assert '"contact_time"' in capsys.readouterr().out
+
+
+def drawn_axes(figure):
+    return [axes for axes in figure.axes if axes.get_visible()]
+
+
+def test_figures_have_the_width_of_a_journal(stored):
+    fit = fitball.load_fit(stored)
+    for name in ("curves", "corner", "forest", "residuals"):
+        figure = fit.plot(name, width="88mm")
+        assert figure.get_size_inches()[0] * 25.4 == pytest.approx(88.0)
+        figure.draw_without_rendering()
+        sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_text()]
+        assert min(sizes) >= 6.0
+        assert max(sizes) < 8.5
+    (path,) = fitball.plot(fit, "curves", width="3.5in").save(stored)
+    # Two dots in the place of one.
+    assert plt.imread(path).shape[1] == pytest.approx(2 * 80 * 3.5, abs=1)
+
+
+def test_parameters_and_columns_are_chosen():
+    fit = fit_by_hand()
+    assert len(drawn_axes(fit.plot("corner", parameters="mu,cor_10,court_pace"))) == 6
+    assert len(drawn_axes(fit.plot("profiles", parameters=["mu"]))) == 1
+    (axes,) = drawn_axes(fit.plot("curves", columns="omega_2"))
+    assert "omega" in axes.get_title(loc="left")
+    assert len(drawn_axes(fit.plot("residuals", columns="v_x2"))) < len(
+        drawn_axes(fit.plot("residuals"))
+    )
+    assert fitball.plot(fit, columns="v_x2").names == ("curves", "predictive", "residuals")
+
+
+def test_groups_are_drawn_at_equal_conditions():
+    fit = fit_by_hand(table_of(40, surfaces=("clay", "hard", "wood")))
+    grouped = equal_series(fit.problem, ["wood", "clay"])
+    series, which = grouped
+    assert [curve.name for curve in series] == ["wood", "clay"]
+    assert len({(curve.speed, curve.spin) for curve in series}) == 1
+    labels = np.array(fit.run.table.labels["surface"])
+    assert [*np.unique(labels[which == 0])] == ["wood"]
+    assert [*np.unique(labels[which == -1])] == ["hard"]
+    lines = curves_frame(fit.problem, fit.draws, grouped)
+    for number, curve in enumerate(series):
+        here = lines[(lines["series"] == number) & (lines["column"] == "v_y2")]
+        angle = here["along"].to_numpy()
+        state = fitball.impacts(
+            curve.speed * np.cos(angle), curve.speed * np.sin(angle), curve.spin
+        )
+        best = {name: value[0] for name, value in fit.draws.best.items()}
+        values = {name.partition("[")[0]: value for name, value in best.items()}
+        of_level = {
+            name.partition("[")[0]: value
+            for name, value in best.items()
+            if name.endswith(f"[{curve.name}]")
+        }
+        model = fit.problem.forward.model
+        values = {name: {**values, **of_level}[name] for name in model.specs}
+        rebound = model.rebound(values, state)
+        np.testing.assert_allclose(here["point"], rebound.v_y2, rtol=1e-9)
+    assert len(drawn_axes(fit.plot("curves", groups="wood,clay", columns="v_x2"))) == 1
+
+
+def test_a_figure_of_one_panel_is_drawn_on_axes_of_the_user():
+    fit = fit_by_hand()
+    figure, axes = plt.subplots(1, 2)
+    assert fit.plot("profiles", parameters="mu", ax=axes[0]) is figure
+    assert axes[0].lines
+    assert not axes[1].lines
+    for name in ("curves", "corner"):
+        with pytest.raises(FitballError) as caught:
+            fit.plot(name, ax=axes[1])
+        assert caught.value.code == "several-panels"
+    plt.close(figure)

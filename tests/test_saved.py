@@ -3,9 +3,12 @@ refused.
 """
 
 import dataclasses
+import io
 import json
+import unicodedata
 from pathlib import Path
 
+import h5netcdf
 import msgspec
 import numpy as np
 import pytest
@@ -15,7 +18,9 @@ from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base.errors import FolderError
+from fitball.inference.schema import Posterior
 from fitball.saved import files_of_fit
+from fitball.saved.arrays import packed, unpacked, variable_name
 
 
 def written(fit, folder):
@@ -58,16 +63,14 @@ def test_all_that_a_fit_is_comes_back(tmp_path, table, options):
 def test_other_libraries_read_draws_and_measurements(tmp_path):
     fit = fit_by_hand()
     path = written(fit, tmp_path) / "fit.nc"
+    values = fit.posterior.values
+    ensembles, steps, walkers, _ = values.shape
     with xarray.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
-        values = fit.posterior.values
         assert draws["mu"].dims == ("chain", "draw")
-        assert (
-            draws.coords["ensemble"].values.tolist() == np.repeat([0, 1], values.shape[2]).tolist()
-        )
-        assert_array_equal(
-            draws["mu"][values.shape[2] + 3],
-            values[1, :, 3, fit.posterior.names.index("mu")],
-        )
+        assert draws.coords["chain"].values.tolist() == list(range(ensembles))
+        assert draws.coords["draw"].values.tolist() == list(range(steps * walkers))
+        of_third = draws["mu"][1, draws.coords["walker"].values == 3]
+        assert_array_equal(of_third, values[1, :, 3, fit.posterior.names.index("mu")])
     with xarray.open_dataset(path, group="observed_data", engine="h5netcdf") as seen:
         assert_array_equal(seen["v_x2"], fit.run.table.values["v_x2"])
 
@@ -142,3 +145,44 @@ def test_a_fit_of_3_0_dev0_is_read_used_and_written_again(tmp_path, name):
     assert fit.report()
     fit.save(tmp_path / "again", figures=False)
     assert fitball.load_fit(tmp_path / "again") == fit
+
+
+NAMES = (
+    "mu[" + "\u00e9" * 200 + "a]",
+    "mu[" + "\u00e9" * 200 + "b]",
+    "mu[caf\u00e9]",
+    "mu[cafe\u0301]",
+    "mu[new\nline]",
+)
+
+
+def test_names_are_those_that_netcdf_reads():
+    # The netCDF library reads 256 bytes, and composes letters (NFC).
+    written = [variable_name(name) for name in NAMES]
+    assert len({*written}) == len(NAMES)
+    assert written[2] == NAMES[2]
+    for name in written:
+        assert len(name.encode()) <= 250
+        assert unicodedata.is_normalized("NFC", name)
+        assert name.isprintable()
+    draws = np.random.default_rng(1).normal(size=(2, 6, 4, len(NAMES)))
+    posterior = Posterior(NAMES, draws, draws[..., 0])
+    _, again = unpacked(packed({}, fitball.load_table("wang_all"), posterior), NAMES)
+    assert_array_equal(again.values, draws)
+    assert_array_equal(again.log_density, draws[..., 0])
+
+
+def test_chains_of_earlier_builds_are_walkers():
+    draws = np.random.default_rng(2).normal(size=(2, 6, 4, 1))
+    posterior = Posterior(("mu",), draws, draws[..., 0])
+    new = io.BytesIO(packed({}, fitball.load_table("wang_all"), posterior))
+    old = io.BytesIO()
+    with h5netcdf.File(new, "r") as source, h5netcdf.File(old, "w") as file:
+        file.dimensions.update({"chain": 8, "draw": 6})
+        file.attrs["ensembles"] = 2
+        for group, name in (("posterior", "mu"), ("sample_stats", "lp")):
+            by_walker = source[group][name][...].reshape(8, 6)
+            file.create_variable(f"/{group}/{name}", ("chain", "draw"), data=by_walker)
+    _, again = unpacked(old.getvalue(), ("mu",))
+    assert_array_equal(again.values, draws)
+    assert_array_equal(again.log_density, draws[..., 0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from fitball.base.errors import ModelError, ParameterError, suggestion
@@ -17,10 +17,11 @@ from fitball.models.model import Model
 class Format(NamedTuple):
     """A format of exports, and the name of its `file`.
 
-    `make` writes the content from parameter sets, the fit or None, an impact in words, and the name
-    of a physics engine. If it `needs_fit`, it is of a whole fit with all its surfaces. If it
-    `takes_impact`, it depends on the impact; if it `takes_engine`, on the engine. If it is
-    `ported`, it has the bounce as source code, or tests it, which not every model allows.
+    `make` writes the content from parameter sets, the fit or None, an impact in words or names of
+    parameters, and the name of a physics engine. If it `needs_fit`, it is of a whole fit with all
+    its surfaces. If it `takes_impact`, it depends on the impact; if it `takes_engine`, on the
+    engine; if it `takes_parameters`, on which are chosen. If it is `ported`, it has the bounce as
+    source code, or tests it, which not every model allows.
     """
 
     file: str
@@ -28,6 +29,7 @@ class Format(NamedTuple):
     needs_fit: bool = False
     takes_impact: bool = False
     takes_engine: bool = False
+    takes_parameters: bool = False
     ported: bool = False
 
 
@@ -57,13 +59,21 @@ FORMATS: Mapping[str, Format] = {
     "json": Format("parameters.json", lambda sets, fit, *_others: parameters.as_json(sets, fit)),
     "latex": Format(
         "parameters.tex",
-        lambda _sets, fit, *_others: parameters.as_latex(fit),
+        lambda _sets, fit, chosen, _engine: parameters.as_latex(fit, chosen),
         needs_fit=True,
+        takes_parameters=True,
+    ),
+    "siunitx": Format(
+        "parameters.tex",
+        lambda _sets, fit, chosen, _engine: parameters.as_latex(fit, chosen, siunitx=True),
+        needs_fit=True,
+        takes_parameters=True,
     ),
     "markdown": Format(
         "parameters.md",
-        lambda _sets, fit, *_others: parameters.as_markdown(fit),
+        lambda _sets, fit, chosen, _engine: parameters.as_markdown(fit, chosen),
         needs_fit=True,
+        takes_parameters=True,
     ),
     "arviz": Format("arviz.nc", lambda _sets, fit, *_others: arviz.netcdf(fit), needs_fit=True),
 }
@@ -78,6 +88,7 @@ def export(
     at: str,
     engine: str = "",
     medians: bool = False,
+    chosen: Sequence[str] = (),
 ) -> Mapping[str, str | bytes]:
     """Contents of files by name, for another program.
 
@@ -90,13 +101,15 @@ def export(
         at: an impact in words, for formats that take one
         engine: a physics engine, for formats that take one; all without it
         medians: the medians of a fit in place of its best values
+        chosen: names of the parameters of a table; all without it
 
     Raises:
         ParameterError: the format is unknown (`unknown-format`), or does not take an option
-            (`not-for-this-format`). A label (`unknown-label`), parameter (`unknown-parameter`) or
-            key (`unknown-key`) is unknown. A value is no number (`not-a-number`), is outside its
-            bounds (`out-of-bounds`), is missing (`parameters`) or has no answer (`no-answer`). The
-            impact cannot be read (`impact`). The engine is unknown (`unknown-engine`).
+            (`not-for-this-format`). There is no such parameter (`unknown-quantity`). A label
+            (`unknown-label`), parameter (`unknown-parameter`) or key (`unknown-key`) is unknown. A
+            value is no number (`not-a-number`), is outside its bounds (`out-of-bounds`), is missing
+            (`parameters`) or has no answer (`no-answer`). The impact cannot be read (`impact`). The
+            engine is unknown (`unknown-engine`).
         ModelError: the model is a Python function (`own-model`), or has no port (`no-port`).
         FitError: a point fit has no draws (`no-draws`).
     """
@@ -116,6 +129,9 @@ def export(
             bool(at) and not form.takes_impact
         ),
         f"engine is a physics engine, not for {to}": bool(engine) and not form.takes_engine,
+        f"parameters are rows of a table, not for {to}": (
+            bool(chosen) and not form.takes_parameters
+        ),
         "medians are those of a fit: leave them out": medians and fit is None,
         f"format {to} has the whole fit: leave out medians": medians and form.needs_fit,
     }
@@ -127,7 +143,7 @@ def export(
     else:
         sets = sets_of_fit(source, level, medians=medians)
     try:
-        return {form.file: form.make(sets, fit, at, engine)}
+        return {form.file: form.make(sets, fit, chosen if form.takes_parameters else at, engine)}
     except ModelError as error:
         if not form.ported:
             raise

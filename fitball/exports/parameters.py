@@ -12,8 +12,9 @@ import numpy as np
 from msgspec import json
 from msgspec.structs import asdict
 
+from fitball.base.errors import ParameterError, suggestion
 from fitball.base.files import json_bytes
-from fitball.base.text import at_level, one_line
+from fitball.base.text import one_line, symbol_levels
 from fitball.exports.parameter_set import UNSURE, ParameterSet
 from fitball.inference.fitted import Fitted
 from fitball.inference.schema import Estimate
@@ -33,11 +34,13 @@ JSON_VERSION = 1
 DETERMINED_BY_DATA = ("identified", "given")
 # The remark on values that the data determine only under assumptions; UNSURE has the others.
 _GIVEN = {"given": "depends on model assumptions that the data cannot test"}
-# The letter and the note of each verdict in tables.
+# The note of each verdict in tables.
 _REMARKS = {**_GIVEN, **UNSURE}
-_MARKS = {
-    verdict: (mark, words) for mark, (verdict, words) in zip("abcde", _REMARKS.items(), strict=True)
-}
+# Where LaTeX may break a word without a hyphen, and letters between two such places.
+_BREAK = r"\allowbreak{}"
+_PIECE = 8
+# An open end of an interval.
+_LDOTS = r"$\ldots$"
 
 
 def as_json(sets: Sequence[ParameterSet], fit: Fitted | None) -> str:
@@ -128,7 +131,7 @@ def _estimate(estimate: Estimate) -> dict[str, object]:
 
 class _Row(NamedTuple):
     """A quantity as texts of a table. `sd` and `interval` are empty without a posterior; `mark`
-    refers to a note.
+    refers to its `note`, which is empty where there is none.
     """
 
     name: str
@@ -138,7 +141,8 @@ class _Row(NamedTuple):
     sd: str
     interval: str
     unit: str
-    mark: str
+    note: str
+    mark: str = ""
 
 
 def _rows(fit: Fitted) -> Iterator[_Row]:
@@ -157,7 +161,6 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
         shown, _ = shown_texts(fit, row, unit)
         if shown[:1] in ("<", ">"):
             value, sd, interval = shown, "", ""
-        mark = _MARKS.get(row.text("verdict"), ("", ""))[0]
         yield _Row(
             name,
             fit.quantity(name).spec.symbol,
@@ -166,14 +169,31 @@ def _rows(fit: Fitted) -> Iterator[_Row]:
             sd,
             interval,
             unit.name,
-            mark,
+            _REMARKS.get(row.text("verdict"), ""),
         )
 
 
-def _notes(rows: Sequence[_Row]) -> list[tuple[str, str]]:
-    """The marks that stand in rows, each with its note."""
-    used = {row.mark for row in rows}
-    return [(mark, words) for mark, words in _MARKS.values() if mark in used]
+def _chosen_rows(fit: Fitted, chosen: Sequence[str]) -> list[_Row]:
+    """The rows of these names in their order, all without any. Raises ParameterError."""
+    rows = {row.name: row for row in _rows(fit)}
+    for name in chosen:
+        if name not in rows:
+            raise ParameterError(f"no row '{name}': {suggestion(name, rows)}", "unknown-quantity")
+    return [rows[name] for name in dict.fromkeys(chosen or rows)]
+
+
+def _marked(rows: Sequence[_Row]) -> tuple[list[_Row], list[tuple[str, str]]]:
+    """Rows with the marks of their notes, a, b, c in the order in which they come first, and each
+    mark with its note.
+    """
+    marks = dict[str, str]()
+    marked = []
+    for row in rows:
+        mark = ""
+        if row.note:
+            mark = marks.setdefault(row.note, "abcde"[len(marks)])
+        marked.append(row._replace(mark=mark))
+    return marked, [(mark, words) for words, mark in marks.items()]
 
 
 def _caption(fit: Fitted) -> str:
@@ -196,48 +216,89 @@ def _caption(fit: Fitted) -> str:
     return caption
 
 
-def as_latex(fit: Fitted) -> str:
-    """The parameters of a fit as a `table` environment of LaTeX, which needs the package booktabs.
+def as_latex(fit: Fitted, chosen: Sequence[str] = (), *, siunitx: bool = False) -> str:
+    """The parameters of a fit, or those chosen, as a `table` environment of LaTeX, narrow enough
+    for a column of `article`; it needs the package booktabs, or with `siunitx` that one as well.
 
     Texts of users are escaped, so that none is a command.
+
+    Raises:
+        ParameterError: there is no such quantity (`unknown-quantity`).
     """
-    rows = list(_rows(fit))
+    rows, notes = _marked(_chosen_rows(fit, chosen))
+    packages = ("booktabs", "siunitx") if siunitx else ("booktabs",)
     lines = [
-        r"% needs \usepackage{booktabs}",
+        *(rf"% needs \usepackage{{{package}}}" for package in packages),
         r"\begin{table}",
         r"  \centering",
         rf"  \caption{{{_latex(_caption(fit))}}}",
-        r"  \small",
-        r"  \begin{tabular}{@{}lp{0.28\linewidth}rll@{}}",
+        r"  \footnotesize",
+        r"  \setlength{\tabcolsep}{3pt}",
+        r"  \begin{tabular}{@{}p{0.44\linewidth}ll@{}}",
         r"    \toprule",
-        r"    Parameter & & Value & 95\,\% interval & Unit \\",
+        r"    Parameter & Value & 95\,\% interval \\",
         r"    \midrule",
     ]
     for row in rows:
-        base, level = at_level(row.name)
+        base, level = symbol_levels(row.name)
         symbol = row.symbol or _latex(base)
         if level:
-            symbol += f", {_latex(level)}"
-        mark = rf"^{{\mathrm{{{row.mark}}}}}" if row.mark else ""
-        sd = rf" \pm {row.sd}" if row.sd else ""
-        value = f"${_power(row.value)}{sd}{mark}$"
-        interval = f"${row.interval.replace('...', chr(92) + 'ldots')}$" if row.interval else ""
-        meaning = rf"\raggedright {_latex(row.meaning)}"
-        lines.append(
-            f"    {symbol} & {meaning} & {value} & {_power(interval)} & {_unit(row.unit)} "
-            f"{chr(92) * 2}"
-        )
+            symbol += f", {_latex(level).replace(chr(0x2212), '$-$')}"
+        unit = _si_unit(row.unit) if siunitx else _unit(row.unit)
+        meaning = rf"\raggedright {symbol}{f' ({unit})' if unit else ''}: {_latex(row.meaning)}"
+        mark = rf"$^{{\mathrm{{{row.mark}}}}}$" if row.mark else ""
+        numbers = (_si_value(row), _si_interval(row)) if siunitx else _plain_numbers(row)
+        lines.append(f"    {meaning} & {numbers[0]}{mark} & {numbers[1]} \\\\")
     lines += [r"    \bottomrule", r"  \end{tabular}"]
+    # A box as wide as the column, in which long notes are broken.
     lines += [
-        rf"  \par\smallskip\footnotesize $^{{\mathrm{{{mark}}}}}$ {words}."
-        for mark, words in _notes(rows)
+        rf"  \par\smallskip\parbox{{\linewidth}}{{$^{{\mathrm{{{mark}}}}}$ {words}.}}"
+        for mark, words in notes
     ]
     return "\n".join([*lines, r"\end{table}"]) + "\n"
 
 
+def _plain_numbers(row: _Row) -> tuple[str, str]:
+    """Value with sd and interval of a row as LaTeX writes them without a package."""
+    sd = rf" \pm {row.sd}" if row.sd else ""
+    interval = row.interval.replace("...", r"\ldots")
+    return f"${_power(row.value)}{sd}$", f"${_power(interval)}$" if interval else ""
+
+
+def _si_value(row: _Row) -> str:
+    """Value with sd of a row in a command of siunitx, which rounds nothing."""
+    if row.value[:1] in ("<", ">"):
+        return f"${_power(row.value)}$"
+    return rf"\num{{{row.value}{f' +- {row.sd}' if row.sd else ''}}}"
+
+
+def _si_interval(row: _Row) -> str:
+    """The interval of a row in commands of siunitx; open ends are dots."""
+    ends = row.interval.strip("[]").split(", ")
+    if len(ends) < 2:
+        return ""
+    return f"[{', '.join(_LDOTS if end == '...' else rf'{chr(92)}num{{{end}}}' for end in ends)}]"
+
+
+def _si_unit(unit: str) -> str:
+    """A unit as siunitx writes it from letters, with products and powers of its own; empty without
+    a unit.
+    """
+    power = re.match(r"1e(-?\d+) ", unit)
+    text = unit[power.end() :] if power else unit
+    text = text.replace("%", r"\percent").replace(" ", ".")
+    times = rf"$10^{{{power[1]}}}$\," if power else ""
+    return rf"{times}\unit{{{text}}}" if text else ""
+
+
 def _latex(text: str) -> str:
-    """A text of a user on one line, escaped for LaTeX."""
-    return escaped(one_line(text, 1000))
+    """A text of a user on one line, escaped for LaTeX, which may break a long word."""
+    return " ".join(
+        _BREAK.join(escaped(word[begin : begin + _PIECE]) for begin in range(0, len(word), _PIECE))
+        if len(word) > 2 * _PIECE
+        else escaped(word)
+        for word in one_line(text, 1000).split(" ")
+    )
 
 
 def _power(number: str) -> str:
@@ -256,9 +317,13 @@ def _unit(unit: str) -> str:
     return rf"$\mathrm{{{text}}}$" if text else ""
 
 
-def as_markdown(fit: Fitted) -> str:
-    """The parameters of a fit as a table in Markdown."""
-    rows = list(_rows(fit))
+def as_markdown(fit: Fitted, chosen: Sequence[str] = ()) -> str:
+    """The parameters of a fit, or those chosen, as a table in Markdown.
+
+    Raises:
+        ParameterError: there is no such quantity (`unknown-quantity`).
+    """
+    rows, marks = _marked(_chosen_rows(fit, chosen))
     cells = []
     for row in rows:
         sd = f" ± {row.sd}" if row.sd else ""
@@ -272,6 +337,6 @@ def as_markdown(fit: Fitted) -> str:
                 "unit": row.unit,
             }
         )
-    notes = [f"({mark}) {words}." for mark, words in _notes(rows)]
+    notes = [f"({mark}) {words}." for mark, words in marks]
     table = Table("", cells, ("meaning", "unit"))
     return to_markdown(Report("Parameters", [Text([_caption(fit)]), table, Text(notes)]))

@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from fitball.base.errors import ParameterError, suggestion
 from fitball.base.selection import evenly_spread
 from fitball.base.values import DataFrame, FloatArray, Impacts, IntArray
 from fitball.inference.forward import Draws
@@ -123,6 +124,39 @@ def series(problem: Problem) -> tuple[tuple[Series, ...], Annotated[IntArray, "i
     return tuple(drawn), _nearest(drawn, speeds_and_spins, levels, tangential)
 
 
+def equal_series(
+    problem: Problem, groups: Sequence[str]
+) -> tuple[tuple[Series, ...], Annotated[IntArray, "impacts"]]:
+    """A curve for each combination of levels that has one of the labels `groups`, in their order,
+    all at one speed and spin, where most of their impacts are; and the number of the curve of each
+    impact, -1 of others.
+
+    Raises:
+        ParameterError: a label is none of the fit (`unknown-label`).
+    """
+    states = problem.rows.states.forwards
+    _, first, levels = np.unique(problem.rows.index, axis=0, return_index=True, return_inverse=True)
+    names = [_name(problem, int(like)) for like in first]
+    labels = {label for name in names for label in (name, *name.split(", ")) if label}
+    for group in groups:
+        if group not in labels:
+            known = suggestion(group, sorted(labels)) if labels else "this fit has no levels"
+            raise ParameterError(f"no group '{group}': {known}", "unknown-label")
+    order = []
+    for group in groups:
+        order += [k for k, name in enumerate(names) if group in (name, *name.split(", "))]
+    order = list(dict.fromkeys(order))
+    which = np.full(len(states), -1)
+    for number, k in enumerate(order):
+        which[levels.ravel() == k] = number
+    speed, spin = math.nan, 0.0
+    if problem.forward.model.tangential:
+        radius = problem.forward.model.ball.radius
+        crowded = _SpeedsAndSpins(states.polar()[0], states.omega_1, radius)
+        speed, spin, _ = crowded.crowd(np.flatnonzero(which >= 0))
+    return tuple(Series(names[k], speed, spin, int(first[k])) for k in order), which
+
+
 def _name(problem: Problem, like: int) -> str:
     """The labels of the impact with this row number in words, each once."""
     pairs = zip(problem.forward.levels, problem.rows.index[like], strict=True)
@@ -160,13 +194,17 @@ def _rounded(value: float, tolerance: float) -> float:
     return round(round(value / step) * step, 12)
 
 
-def curves_frame(problem: Problem, draws: Draws) -> DataFrame:
+def curves_frame(
+    problem: Problem,
+    draws: Draws,
+    grouped: tuple[tuple[Series, ...], Annotated[IntArray, "impacts"]] | None = None,
+) -> DataFrame:
     """The frame `curves`: a row for each curve, measured column and point; `report.fit_page` has
-    its columns.
+    its columns. The curves are those of `series`, or of `equal_series`.
     """
     import pandas as pd
 
-    all_series, which = series(problem)
+    all_series, which = grouped or series(problem)
     tangential = problem.forward.model.tangential
     states = problem.rows.states.forwards
     along_of_impacts = states.polar()[1] if tangential else states.v_y1

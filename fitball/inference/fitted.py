@@ -25,6 +25,7 @@ from fitball.inference.effort import PREDICTION_DRAWS, Effort
 from fitball.inference.expressions import expression
 from fitball.inference.forward import Draws
 from fitball.inference.judgement.rivals import Rival, rivals
+from fitball.inference.marginal import Marginal
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.camera import CAMERA_SPECS
 from fitball.inference.problem.problem import Choices, Problem
@@ -162,6 +163,11 @@ class Fitted:
     modes: tuple[schema.Mode, ...] = ()
     own: Model | None = field(default=None, compare=False)
 
+    def __post_init__(self) -> None:
+        # Plain mappings print all that they hold.
+        object.__setattr__(self, "parameters", schema.Estimates(self.parameters))
+        object.__setattr__(self, "derived", schema.Estimates(self.derived))
+
     def __repr__(self) -> str:
         return (
             f"<Fit of {self.run.table.name} by {self.problem.forward.model.text}: {self.headline}>"
@@ -174,6 +180,34 @@ class Fitted:
         return not self.moved_from(other)
 
     __hash__ = None  # type: ignore[assignment]
+
+    # A fit has names, and is no sequence.
+    __iter__ = None
+
+    def __getitem__(self, name: str) -> Marginal:
+        """One parameter or derived quantity by name, with its draws and its row of `summary`.
+
+        Raises:
+            ParameterError: there is no quantity of this name (`unknown-quantity`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", point_only=True)
+            >>> float(fit["cor_10"].summary["point"].round(2))
+            0.73
+        """
+        reported = {**self.parameters, **self.derived}
+        if name not in reported:
+            raise ParameterError(
+                f"read '{name}': {suggestion(name, reported)}",
+                "unknown-quantity",
+            )
+        draws = self.quantity(name).rule(self.draws.values)
+        (row,) = (row for _, row in self.summary.loc[[name]].iterrows())
+        return Marginal(reported[name], draws, row)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [estimate.name for estimate in self.reported]
 
     @property
     def frames(self) -> Mapping[str, DataFrame]:

@@ -10,7 +10,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from msgspec import Struct
 
-from fitball.base.values import FloatArray
+from fitball.base.shown import as_html, as_text
+from fitball.base.values import DataFrame, FloatArray
 
 Verdict: TypeAlias = Literal[
     "identified", "given", "conditional", "extrapolated", "one-sided", "prior-dominated", "fixed"
@@ -80,6 +81,27 @@ class LeastSquares(Struct, frozen=True):
     degrees_of_freedom: int
     aic: float
     bic: float
+
+    def __repr__(self) -> str:
+        return as_text(self._title, self._frame)
+
+    def _repr_html_(self) -> str:
+        return as_html(self._title, self._frame)
+
+    @property
+    def _title(self) -> str:
+        freedom = f"with {self.degrees_of_freedom} degrees of freedom"
+        criteria = f"AIC {self.aic:.1f}, BIC {self.bic:.1f}"
+        return f"Least squares, in SI: chi-square {self.chi_square:.1f} {freedom}, {criteria}"
+
+    @property
+    def _frame(self) -> DataFrame:
+        """A row a parameter, with why it has no standard error."""
+        import pandas as pd
+
+        frame = pd.DataFrame({"value": self.values, "stderr": self.stderr})
+        frame["missing"] = [self.missing.get(name, "") for name in frame.index]
+        return frame if self.missing else frame.drop(columns="missing")
 
 
 class Posterior(Struct, frozen=True):
@@ -169,6 +191,26 @@ class Estimate(Summary, frozen=True, kw_only=True):
     reason: str
     given: tuple[str, ...]
     open_side: Side = ""
+
+
+class Estimates(dict[str, Estimate]):
+    """Estimates by name, shown as a table."""
+
+    def __repr__(self) -> str:
+        return as_text("In SI", self._frame)
+
+    def _repr_html_(self) -> str:
+        return as_html("In SI", self._frame)
+
+    @property
+    def _frame(self) -> DataFrame:
+        """A row an estimate; the best value where there are no draws."""
+        import pandas as pd
+
+        heads = ("point", "median", "sd", "q025", "q975", "unit", "verdict")
+        rows = {name: [getattr(row, head) for head in heads] for name, row in self.items()}
+        frame = pd.DataFrame.from_dict(rows, orient="index", columns=list(heads))
+        return frame.dropna(axis="columns", how="all")
 
 
 class ResidualTest(Struct, frozen=True):

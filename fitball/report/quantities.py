@@ -7,7 +7,7 @@ import numpy as np
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import DEG, M_PER_S, RAD_PER_S
 from fitball.base.numbers import Unit, percent
-from fitball.base.text import at_level, short, visible
+from fitball.base.text import at_level, short, symbol_levels, visible
 from fitball.base.values import DataFrame, FloatArray
 from fitball.inference.fitted import Fitted
 
@@ -51,9 +51,11 @@ def quantity_symbol(fit: Fitted, name: str, most: int = _LABEL_LETTERS) -> str:
     Raises:
         ParameterError: The fit has no such quantity (`unknown-quantity`).
     """
-    base, level = at_level(name)
+    base, level = symbol_levels(name)
     shown = fit.quantity(name).spec.symbol or figure_text(base.replace("_", " "))
-    return f"{shown}, {figure_text(level, most)}" if level else shown
+    # Two levels have the letters of two.
+    letters = most if at_level(name)[1] else 2 * most
+    return f"{shown}, {figure_text(level, letters)}" if level else shown
 
 
 def median_or_point(frame: DataFrame) -> Annotated[FloatArray, "rows"]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, ForwardRef
 
 from fitball.base.files import FIT_FILE
 from fitball.base.options import Names, Pairs, Watch, names_of, read_texts
+from fitball.base.values import Figure
 from fitball.data.read import TableSource
 from fitball.inference.fitted import Fitted
 from fitball.report.page import Layout
@@ -14,9 +15,11 @@ from fitball.results.exported import Exported
 from fitball.results.result import Frames, Result
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from xarray import DataTree
 else:
-    # What `typing.get_type_hints` reads; xarray is loaded only where it is needed.
+    # What `typing.get_type_hints` reads; both are loaded only where they are needed.
+    Axes = ForwardRef("__import__('matplotlib.axes').axes.Axes")
     DataTree = ForwardRef("__import__('xarray').DataTree")
 
 
@@ -68,6 +71,39 @@ class Fit(Fitted, Result):
         from fitball.report.fit_page import PAGE
 
         return PAGE.of(self)
+
+    def plot(
+        self,
+        name: str,
+        *,
+        width: str = "",
+        parameters: Names = (),
+        columns: Names = (),
+        groups: Names = (),
+        ax: Axes | None = None,
+    ) -> Figure:
+        """A figure by its name, outside of pyplot, or of one panel on the axes `ax` of your own;
+        `fitball.plot` has the other options.
+
+        Raises:
+            ParameterError: no such figure (`unknown-figure`) or width (`width`), or the fit has no
+                data for it (`no-such-data`). The figure does not show what was chosen
+                (`not-for-this-figure`), or there is no such parameter or column
+                (`unknown-quantity`) or group (`unknown-label`). Axes for several panels
+                (`several-panels`).
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> len(fit.plot("curves", columns="v_y2", width="88mm").axes)
+            1
+        """
+        from fitball.report.figures.chosen import Chosen
+        from fitball.report.plotted import choose_figures, drawn, width_of
+
+        chosen = Chosen(*(tuple(names_of(names)) for names in (parameters, columns, groups)))
+        plotted = choose_figures(self, [name], "png", chosen, width_of(width))
+        return drawn(plotted, name, ax)
 
     def predict(
         self, data: TableSource | None = None, *, impact: str = "", level: Pairs = None
@@ -211,6 +247,7 @@ class Fit(Fitted, Result):
         at: str = "",
         engine: str = "",
         medians: bool = False,
+        parameters: Names = (),
     ) -> Exported:
         """Parameters, or the bounce itself as source code, for another program; `to` is the
         format: `fitball.export` says more.
@@ -218,7 +255,8 @@ class Fit(Fitted, Result):
         Raises:
             ParameterError: the format is unknown (`unknown-format`), or does not take an option
                 (`not-for-this-format`); the label is unknown (`unknown-label`, `pairs`); the impact
-                cannot be read (`impact`); the engine is unknown (`unknown-engine`).
+                cannot be read (`impact`); the engine is unknown (`unknown-engine`); there is no
+                such row (`unknown-quantity`).
             ModelError: the model has no source code to export (`no-port`), or is a function
                 (`own-model`).
             FitError: a point fit has no draws to export (`no-draws`).
@@ -232,7 +270,16 @@ class Fit(Fitted, Result):
         from fitball.exports import export
 
         levels = read_texts("level", level)
-        contents = export(self, to, level=levels, fix={}, at=at, engine=engine, medians=medians)
+        contents = export(
+            self,
+            to,
+            level=levels,
+            fix={},
+            at=at,
+            engine=engine,
+            medians=medians,
+            chosen=names_of(parameters),
+        )
         return Exported(contents)
 
     def to_datatree(self) -> DataTree:

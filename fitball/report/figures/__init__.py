@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from fitball.base.values import Figure
 from fitball.inference.fitted import Fitted
 from fitball.report.figures import parameters, predictions
+from fitball.report.figures.chosen import Chosen
 
 # The part of the page, by the title of its section.
 Place: TypeAlias = Literal[
@@ -23,14 +24,15 @@ Place: TypeAlias = Literal[
 class FitFigure(NamedTuple):
     """A figure that `draw` makes of a fit for which `has_data` is true. The `caption` is a text, or
     a function of the fit where it depends on that. The page has the figure at its `place`; a figure
-    that is not `usual` is drawn only where all figures are wanted.
+    that is not `usual` is drawn only where all figures are wanted. It `takes` fields of `Chosen`.
     """
 
-    draw: Callable[[Fitted], Figure]
+    draw: Callable[[Fitted, Chosen], Figure]
     has_data: Callable[[Fitted], bool]
     caption: str | Callable[[Fitted], str]
     place: Place
     usual: bool = True
+    takes: tuple[str, ...] = ()
 
     def caption_of(self, fit: Fitted) -> str:
         """The caption below the figure of a fit."""
@@ -76,6 +78,7 @@ FIGURES: Mapping[str, FitFigure] = {
         _has_curves,
         predictions.curves_caption,
         "summary",
+        takes=("columns", "groups"),
     ),
     "corner": FitFigure(
         parameters.draw_corner,
@@ -83,6 +86,7 @@ FIGURES: Mapping[str, FitFigure] = {
         "Posterior in pairs of parameters, the first nine if there are more. Ticks: 95 % "
         "intervals. Orange: priors.",
         "All parameters",
+        takes=("parameters",),
     ),
     "profiles": FitFigure(
         parameters.draw_profiles,
@@ -90,6 +94,7 @@ FIGURES: Mapping[str, FitFigure] = {
         "Log likelihood below its maximum, all other parameters fitted again, and 95 % intervals.",
         "All parameters",
         usual=False,
+        takes=("parameters",),
     ),
     "forest": FitFigure(
         parameters.draw_forest,
@@ -97,12 +102,14 @@ FIGURES: Mapping[str, FitFigure] = {
         "The values that move most, by median or an end of the interval. Band: 95 % interval of "
         "this fit.",
         "Model assumptions",
+        takes=("parameters",),
     ),
     "predictive": FitFigure(
         predictions.draw_predictive,
         _has_observations,
         "Measured against predicted. Bars: 95 % of new measurements.",
         "Measured and predicted",
+        takes=("columns",),
     ),
     "regimes": FitFigure(
         predictions.draw_regimes,
@@ -124,6 +131,7 @@ FIGURES: Mapping[str, FitFigure] = {
         _has_residuals,
         "Residuals in sds of the noise. Grey: ± 2 sd.",
         "Residuals",
+        takes=("columns",),
     ),
     "trace": FitFigure(
         parameters.draw_trace,
@@ -132,6 +140,7 @@ FIGURES: Mapping[str, FitFigure] = {
         "if there are any. Grey: the median of all.",
         "Sampling and least squares",
         usual=False,
+        takes=("parameters",),
     ),
 }
 

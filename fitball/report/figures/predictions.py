@@ -21,8 +21,10 @@ from fitball.base.display_units import DEG, M_PER_S, PLAIN, RAD_PER_S
 from fitball.base.numbers import percent
 from fitball.base.selection import evenly_spread
 from fitball.base.values import BoolArray, DataFrame, Figure, FloatArray, Impacts, IntArray
+from fitball.inference.curves import curves_frame, equal_series
 from fitball.inference.fitted import Fitted
 from fitball.models.types import Status, regime_name
+from fitball.report.figures.chosen import ALL, Chosen, chosen_of
 from fitball.report.figures.shared import (
     MOST_DOTS,
     bin_medians,
@@ -46,6 +48,8 @@ from fitball.report.style import (
     few_ticks,
     legend_above,
     new_figure,
+    panels_across,
+    points,
 )
 
 # Texts, in an array of the shape of what they name.
@@ -69,14 +73,22 @@ def curves_caption(fit: Fitted) -> str:
     return f"Lines: the model, dashed beyond the data{bands}. Dots: {dots}{moved}."
 
 
-def draw_curves(fit: Fitted) -> Figure:
+def draw_curves(fit: Fitted, chosen: Chosen = ALL) -> Figure:
     """Draw the model over incidence at the speeds and spins of the table, a panel a measured
     column, and every impact, moved there along the model: its residual added to the line of its
-    series.
+    series. Chosen groups have a line each, all at the same speed and spin.
+
+    Raises:
+        ParameterError: there is no such column (`unknown-quantity`) or group (`unknown-label`).
     """
     lines = fit.curves
     measured = to_one_side(fit.predictions)
-    columns = list(dict.fromkeys(lines["column"]))
+    if chosen.groups:
+        grouped = equal_series(fit.problem, chosen.groups)
+        lines = curves_frame(fit.problem, fit.draws, grouped)
+        _, which = grouped
+        measured = measured.assign(series=which[measured["row"].to_numpy(np.int64)])
+    columns = chosen_of(dict.fromkeys(lines["column"]), chosen.columns)
     styles = series_styles(lines)
     across = 2 if len(columns) > _MOST_BELOW else 1
     down = math.ceil(len(columns) / across)
@@ -149,14 +161,14 @@ def _draw_curve(axes: Axes, line: DataFrame, colour: str, x_factor: float, y_fac
     axes.plot(x, np.where(inside, median, np.nan), color=colour, linewidth=1.6)
 
 
-def draw_predictive(fit: Fitted) -> Figure:
+def draw_predictive(fit: Fitted, chosen: Chosen = ALL) -> Figure:
     """Draw measured over predicted, a panel a column, with 95 % of what a new measurement would
     show.
     """
     frame = fit.predictions.dropna(subset=["observed"])
     styles = series_styles(fit.curves)
-    columns = list(dict.fromkeys(frame["column"]))
-    across = min(3, len(columns))
+    columns = chosen_of(dict.fromkeys(frame["column"]), chosen.columns)
+    across = min(panels_across(3), len(columns))
     down = math.ceil(len(columns) / across)
     figure, panels = new_figure(down, across, high=0.6 + 2.1 * down)
     has_intervals = bool(frame["new_q975"].notna().any())
@@ -174,8 +186,8 @@ def draw_predictive(fit: Fitted) -> Figure:
         axes.axline((centre, centre), slope=1.0, color=MODEL_COLOUR, linewidth=1.2)
         # The legend below has the series of the last panel.
         shown = split_by_series(of_column, styles)
-        for style, chosen in shown:
-            draw_dots(axes, predicted[chosen], observed[chosen], style)
+        for style, rows in shown:
+            draw_dots(axes, predicted[rows], observed[rows], style)
         axes.set_title(axis_label(COLUMNS[column].symbol, unit))
         if has_intervals:
             share = percent(inside / count) if count > MOST_DOTS else f"{inside} of {count}"
@@ -226,13 +238,13 @@ _TREND_POINTS = 40
 _LEAST_SDS = 3.2
 
 
-def draw_residuals(fit: Fitted) -> Figure:
+def draw_residuals(fit: Fitted, chosen: Chosen = ALL) -> Figure:
     """Draw residuals in sds of the noise, a row a column, over the incident state and the order of
     rows.
     """
     frame = to_one_side(fit.predictions.dropna(subset=["z"]))
     styles = series_styles(fit.curves)
-    columns = list(dict.fromkeys(frame["column"]))
+    columns = chosen_of(dict.fromkeys(frame["column"]), chosen.columns)
     over = [name for name in _OVER if np.ptp(frame[name]) > _VARIES * frame[name].abs().max()]
     over = over or ["row"]
     with_trends = any(test.found for test in fit.adequacy.tests)
@@ -257,14 +269,14 @@ def draw_residuals(fit: Fitted) -> Figure:
                 x = x + 1.0
             axes.axhspan(-2.0, 2.0, color=FAINT, alpha=0.5, linewidth=0)
             axes.axhline(0.0, color="white", linewidth=1.2)
-            for style, chosen in shown:
-                draw_dots(axes, x[chosen], z[chosen], style)
+            for style, rows in shown:
+                draw_dots(axes, x[rows], z[rows], style)
             trend = _trend(x, z) if with_trends else None
             if trend is not None:
                 axes.plot(*trend, color=MOVED_COLOUR, linewidth=1.8, zorder=4)
                 handles = [Line2D([], [], color=MOVED_COLOUR, label="trend")]
             axes.grid(visible=False)
-        row_panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=11)
+        row_panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=points(11))
     for axes, name in zip(panels[-1], over, strict=True):
         axes.set_xlabel(axis_label(*_OVER[name]))
         few_ticks(axes.xaxis, 3, integers=name == "row")
@@ -345,7 +357,7 @@ def _sequences(codes: IntArray, solved: BoolArray) -> _Texts:
     return np.asarray(np.array(names, dtype=object)[inverse].reshape(codes.shape))
 
 
-def draw_regimes(fit: Fitted) -> Figure:
+def draw_regimes(fit: Fitted, _chosen: Chosen = ALL) -> Figure:
     """Draw a bar an impact: the probability of each sequence of slip and grip."""
     frame = fit.predictions.drop_duplicates("row").sort_values(["series", "theta_1"])
     shown = frame.iloc[evenly_spread(len(frame), _MOST_BARS)]
@@ -385,7 +397,7 @@ def draw_regimes(fit: Fitted) -> Figure:
     for row in frame_rows(shown):
         angle = np.degrees(row.number("theta_1"))
         ids.append(f"{figure_text(row.text('id'))}  {angle:.0f}°")
-    axes.set_yticks(heights, ids, fontsize=8.5)
+    axes.set_yticks(heights, ids, fontsize=points(8.5))
     axes.set_ylim(count - 0.4, -0.6)
     axes.set_xlim(0.0, 1.0)
     axes.grid(visible=False)
@@ -415,7 +427,7 @@ _LOWEST_ANGLE = np.radians(2.0)
 _HIGHEST_ANGLE = np.radians(178.0)
 
 
-def draw_regime_map(fit: Fitted) -> Figure:
+def draw_regime_map(fit: Fitted, _chosen: Chosen = ALL) -> Figure:
     """Draw areas of slip and grip over angle and spin at the median speed and the best fit,
     contours of the rebound angle, and the impacts. Of levels the combination counts that most
     impacts have.
@@ -513,7 +525,7 @@ def _draw_contours(axes: Axes, angles: FloatArray, spins: FloatArray, theta_2: F
     if not np.ma.count(solved) or np.ptp(solved.compressed()) == 0.0:
         return
     lines = axes.contour(angles, spins, solved, levels=8, colors=INK, linewidths=0.8)
-    for number in axes.clabel(lines, fontsize=8, fmt="%g", zorder=4):
+    for number in axes.clabel(lines, fontsize=points(8), fmt="%g", zorder=4):
         # Over the dots, and readable there.
         number.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 

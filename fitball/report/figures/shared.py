@@ -20,6 +20,7 @@ from fitball.report.style import (
     SERIES_COLOURS,
     SERIES_MARKERS,
     Panels,
+    canvas,
     legend_above,
 )
 
@@ -55,10 +56,12 @@ def series_styles(curves: DataFrame) -> dict[int, SeriesStyle]:
         return {rows[0].count("series"): style}
     by_series = {}
     speeds_differ = curves["speed"].nunique() > 1
+    # Where lines are of surfaces alone, the label of the axis has the spin.
+    spins_differ = curves["spin"].nunique() > 1 or curves["name"].nunique() < len(rows)
     for k, row in enumerate(rows):
         words = [figure_text(row.text("name"))]
         speed, spin = row.numbers("speed", "spin")
-        if np.isfinite(spin):
+        if np.isfinite(spin) and spins_differ:
             # A zero without a sign.
             words.append(f"{spin + 0.0:+.3g} rad/s".replace("+0 ", "0 "))
         if speeds_differ:
@@ -147,7 +150,7 @@ def draw_dots(
         y,
         style.marker,
         color=style.dots,
-        markersize=size,
+        markersize=size * canvas().letters,
         markeredgewidth=0.6,
         markeredgecolor="white",
         alpha=shade,
