@@ -14,7 +14,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
-from fitball.report import cite, fit_page, fit_tables, fit_words, lab, style
+from fitball.report import cite, fit_page, fit_tables, fit_words, lab, plotted, style
 from fitball.report.blocks import Table
 from fitball.report.frame_rows import FrameRow
 from fitball.report.quantities import MAIN_KINDS, unit_of
@@ -291,7 +291,7 @@ def test_constants_have_a_table_where_some_are_held(fit, monkeypatch):
 
 
 def test_a_folder_has_the_usual_figures_or_all(fit, monkeypatch, tmp_path):
-    monkeypatch.setattr(style, "draw_styled", lambda draw: draw)
+    monkeypatch.setattr(plotted, "draw_styled", lambda draw, *_arguments: draw)
     monkeypatch.setattr(style, "image_bytes", lambda _: b"png")
     monkeypatch.setattr(fit_page.files_of_fit, "files", lambda _: {"fit.json": lambda: b"{}"})
     fit.save(tmp_path / "usual")
