@@ -154,6 +154,9 @@ def test_smoothing():
     # Walkers that sat there: the largest is outside by chance.
     _, k_of_two_values = pareto_smoothed(np.repeat([0.0, 1.0], 500), 1.0)
     assert k_of_two_values == np.inf
+    # All but a few ratios are zero to rounding.
+    far_apart = np.append(np.linspace(-3000.0, -2000.0, 500), [-1.0, 0.0])
+    assert pareto_smoothed(far_apart, 1.0)[1] == np.inf
 
 
 def test_a_student_distribution():

@@ -372,6 +372,7 @@ def pareto_smoothed(
     tail = np.sort(log_ratios)[-size - 1 :]
     if np.ptp(log_ratios) <= 0.0:
         return _normalised(log_ratios), -np.inf
-    if size < LEAST_TAIL or not _is_spread(tail):
+    # Ratios, as the fit takes them: of logarithms far apart all but the largest are zero.
+    if size < LEAST_TAIL or not _is_spread(np.exp(tail - tail[-1])):
         return _normalised(log_ratios), np.inf
     return pareto_smoothed_tail(log_ratios, size)
