@@ -61,7 +61,7 @@ def test_each_recipe_has_the_numbers_of_the_set(exported):
     (of_set,) = exported["sets"]
     own = of_set["settings"][-1]
     assert {*of_set["recipes"]} == {key for key, one in engines().items() if one.recipe}
-    assert {*of_set["ports"]} == {"pymunk", "planck", "pybullet", "cannon"}
+    assert {*of_set["ports"]} == {"pymunk", "chipmunk", "planck", "pybullet", "rapier", "cannon"}
     for key, code in of_set["recipes"].items():
         assert not re.search("@[a-z]+@", code), key
         numbers = [float(text) for text in re.findall(r"\d+\.?\d*(?:e-?\d+)?", code)]
@@ -94,7 +94,7 @@ def test_what_is_promised_was_run():
         assert one.run or not one.seen, key
         assert (one.works == "port") <= (not one.recipe), key
     # The numbers of these are those of an ideal sphere at the rate of a game.
-    for key in ("pymunk", "planck", "pybullet", "jolt", "godot3"):
+    for key in ("pymunk", "chipmunk", "planck", "pybullet", "jolt", "godot3"):
         assert engines()[key].seen["60"] == (1.25, 0.61, 24.8), key
     v_x, v_y, omega = engines()["mujoco"].seen["4000"]
     assert v_x <= 0.6 and v_y <= 0.62 and omega <= 32.0
@@ -102,7 +102,7 @@ def test_what_is_promised_was_run():
 
 @pytest.mark.parametrize(
     ("name", "key"),
-    [("mujoco", "mujoco"), ("Bullet", "pybullet"), ("Chipmunk", "pymunk"), ("Babylon", "havok")],
+    [("mujoco", "mujoco"), ("Bullet", "pybullet"), ("Chipmunk", "chipmunk"), ("Babylon", "havok")],
 )
 def test_an_engine_is_found_by_its_names(name, key):
     assert [*chosen(name)] == [key]

@@ -34,6 +34,8 @@ _GDSCRIPT_RESERVED = frozenset(
         "yield",
     )
 )
+# Types of arguments and results of the functions that a port offers.
+OFFERED_TYPES = ("Parameters", "Rebound", "Vector", "Rebound3", "Plane", "Flight")
 # Functions of Python's `math` that all these languages have.
 _FUNCTIONS = ("exp", "log", "sqrt", "sin", "cos", "atan2")
 # Helpers of all these languages: min and max as Python has them for NaN, and the sixth power.
@@ -105,6 +107,8 @@ class Dialect:
     constant_list: str = ""
     # A list of structs, where that is written otherwise.
     constant_structs: str = ""
+    # Whether structs are objects that are written into, since new ones cost time.
+    in_place: bool = False
 
     def name(self, text: str) -> str:
         """The name of a variable or parameter."""
@@ -169,6 +173,9 @@ class Dialect:
         if not isinstance(value, tuple):
             return repr(value)
         items = [self.literal(field) for field in value]
+        name = type(value).__name__
+        if self.in_place and name not in OFFERED_TYPES:
+            return f"{name}_fill_({', '.join(items)}, new {name}_())"
         if self.initial:
             return self.initial.format(", ".join(items))
         return self.make(type(value), items)
@@ -248,9 +255,14 @@ CSHARP = Dialect(
 JAVASCRIPT = Dialect(
     {name: f"Math.{name}({{}})" for name in (*_FUNCTIONS, "log1p")} | {"fabs": "Math.abs({})"},
     {"pi": "Math.PI", "nan": "NaN", "inf": "Infinity"},
-    {**_EVERYWHERE, "math.hypot": offered.hypot, "math.copysign": offered.copysign},
+    {
+        "**6": offered.sixth,
+        "<<": offered.shifted,
+        "math.hypot": offered.hypot,
+        "math.copysign": offered.copysign,
+    },
     # Its own operators on bits see 32 of them; phases are packed into bits that are free.
-    {"//": "Math.floor({} / {})", "<<": "({} * 2 ** {})", "|": "({} + {})"},
+    {"//": "Math.floor({} / {})", "|": "({} + {})"},
     truncate="Math.trunc({})",
     built="{{ {named} }}",
     variable="let {declared}",
@@ -258,6 +270,8 @@ JAVASCRIPT = Dialect(
     constant_number="const {name} = {value};",
     constant_struct="const {name} = {value};",
     constant_list="const {name} = [\n{items}];",
+    reserved=RESERVED | {"result", "from"},
+    in_place=True,
 )
 
 # Godot 3 and 4. Divisions by zero are errors there, as in Python.

@@ -374,6 +374,13 @@ def sixth(x: float) -> float:
     return cube * cube
 
 
+def shifted(number: int, places: int) -> int:
+    """A number shifted by binary places, for languages whose own shift has 32 of them."""
+    for _ in range(places):
+        number = 2 * number
+    return number
+
+
 def hypot(a: float, b: float) -> float:
     """The hypotenuse, for languages without one, or with one that is off in its last digits."""
     large = max(abs(a), abs(b))

@@ -19,8 +19,8 @@ import numpy as np
 from fitball.base.errors import ModelError, ParameterError
 from fitball.base.values import FloatArray, Impacts
 from fitball.exports.parameter_set import ParameterSet
-from fitball.exports.ports import flight, offered, python, selftest
-from fitball.exports.ports.dialects import CSHARP, GDSCRIPT, JAVASCRIPT, C, Dialect
+from fitball.exports.ports import flight, in_place, offered, python, selftest
+from fitball.exports.ports.dialects import CSHARP, GDSCRIPT, JAVASCRIPT, OFFERED_TYPES, C, Dialect
 from fitball.exports.ports.offered import FRONTS, Front
 from fitball.exports.ports.ranges import Face, Range, range_of, widened
 from fitball.exports.ports.source import KernelSource, Type, fields_of, is_struct, source_of
@@ -49,8 +49,6 @@ MOST_PHASES = 17
 LONGEST_CONSTANT = 40
 # Names of constants that files have besides those of surfaces and balls.
 TAKEN_CONSTANTS = ("SELF_TEST",)
-# Types of arguments and results of the functions that a port offers.
-OFFERED_TYPES = ("Parameters", "Rebound", "Vector", "Rebound3", "Plane", "Flight")
 # Punctuation that has no meaning in a comment of any language.
 HARMLESS = " .,:;_-+=()[]%'/&^×±"
 # Languages that are translated to; Python gets the kernels' own text.
@@ -151,11 +149,15 @@ def port(sets: Sequence[ParameterSet], language: str) -> str:
         texts = {name: python.function_text(source, name) for name in source.functions}
         constants = [python.constant_text(name, value) for name, value in source.constants.items()]
     else:
+        translate = in_place.translated if dialect.in_place else translated
+        texts = {name: translate(source, name, dialect) for name in source.functions}
+        constants = [dialect.constant_of(name, value) for name, value in source.constants.items()]
         structs = [dialect.definition(kind) for kind in source.compounds]
         if language == "types":
             structs = [interface(kind) for kind in source.compounds if is_struct(kind)]
-        texts = {name: translated(source, name, dialect) for name in source.functions}
-        constants = [dialect.constant_of(name, value) for name, value in source.constants.items()]
+        elif dialect.in_place:
+            code = "\n".join([*texts.values(), *constants])
+            structs = in_place.definitions(source.compounds, code)
     # How it is said that a ball moves away differs from language to language.
     kin = "javascript" if dialect is JAVASCRIPT else language
     texts["leaving_"] = _template(f"leaving.{kin}")

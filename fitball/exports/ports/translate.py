@@ -4,6 +4,8 @@ Variables are declared at the top of their function, with inferred types. What h
 refused.
 """
 
+from __future__ import annotations
+
 import ast
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import wrap
@@ -49,28 +51,32 @@ def translated(source: KernelSource, name: str, dialect: Dialect) -> str:
     Raises:
         UnportableError: a construct has no translation (`no-port`).
     """
-    walk = _Walk(source, name, dialect)
+    return text_of(Walk(source, name, dialect))
+
+
+def text_of(walk: Walk) -> str:
+    """The text of the function that a walk goes over. Raises UnportableError."""
+    source = walk.source
+    dialect = walk.dialect
+    name = walk.name
     walk.infer()
     function = source.functions[name]
-    kinds, result = source.signatures[name]
+    _, result = source.signatures[name]
     parameters = [argument.arg for argument in function.args.args]
     variables = sorted(walk.kinds.keys() - set(parameters) - walk.declared_by_loops())
-    stop = dialect.stop
-    lines = [f"{dialect.local(walk.kinds[variable], variable)}{stop}" for variable in variables]
+    statements = [line for statement in walk.body for line in walk.statement(statement)]
+    lines = [f"{walk.local(variable)}{dialect.stop}" for variable in variables]
+    lines += walk.more_locals()
     if dialect.unread:
         unread = [parameter for parameter in parameters if parameter not in walk.read]
         lines += [dialect.unread.format(dialect.name(parameter)) for parameter in unread]
-    for statement in walk.body:
-        lines += walk.statement(statement)
-    declared = []
-    for kind, parameter in zip(kinds, parameters, strict=True):
-        declared.append(dialect.declared(kind, dialect.name(parameter)))
+    lines += statements
     summary = (ast.get_docstring(function) or "").split("\n\n")[0]
     comment = " ".join(summary.split()).replace("*/", "* /")
     head = dialect.head.format(
         comment=f"\n{dialect.margin}".join(wrap(comment, 110)),
         declared=dialect.declared(result, dialect.function(name)),
-        taken=", ".join(declared) or dialect.nothing,
+        taken=", ".join(walk.taken()) or dialect.nothing,
         offered="" if name.endswith("_") else dialect.offered,
         how=dialect.expanded if name in source.expanded else dialect.called,
     )
@@ -143,12 +149,18 @@ def _stored(name: str, value: ast.expr) -> ast.Assign:
     return ast.Assign([ast.Name(name, ast.Store())], value)
 
 
+def stored_in(node: ast.AST) -> set[str]:
+    """The variables that are assigned in a statement."""
+    names = [inner for inner in ast.walk(node) if isinstance(inner, ast.Name)]
+    return {name.id for name in names if isinstance(name.ctx, ast.Store)}
+
+
 def _names(nodes: Iterable[ast.AST]) -> set[str]:
     """The names that stand in syntax trees."""
     return {node.id for top in nodes for node in ast.walk(top) if isinstance(node, ast.Name)}
 
 
-def _refused(node: ast.AST) -> UnportableError:
+def refused(node: ast.AST) -> UnportableError:
     """An error for a construct that has no translation, not yet raised."""
     text = ast.unparse(ast.fix_missing_locations(node))
     return UnportableError(f"no translation of: {text}")
@@ -158,7 +170,7 @@ class _UnknownYetError(UnportableError):
     """A variable is read whose type is not inferred yet."""
 
 
-class _Walk:
+class Walk:
     """The walk over one function: `kinds` are the types of its parameters, then of its other
     variables too; `read` are the names that it reads.
     """
@@ -179,6 +191,32 @@ class _Walk:
         """The nodes of all statements."""
         for statement in self.body:
             yield from ast.walk(statement)
+
+    def local(self, variable: str) -> str:
+        """The declaration of a variable at the top of the function."""
+        return self.dialect.local(self.kinds[variable], variable)
+
+    def more_locals(self) -> list[str]:
+        """Declarations of variables that the function itself does not have, once it is walked."""
+        return []
+
+    def taken(self) -> list[str]:
+        """What the function takes, as it is declared."""
+        function = self.source.functions[self.name]
+        parameters = [self.dialect.name(argument.arg) for argument in function.args.args]
+        return list(map(self.dialect.declared, self.source.signatures[self.name][0], parameters))
+
+    def made(self, _node: ast.expr, kind: Type, fields: Mapping[str, ast.expr]) -> str:
+        """The text of a struct or tuple with these fields."""
+        kinds = fields_of(kind)
+        texts = [self.fitted(value, kinds[name]) for name, value in fields.items()]
+        return self.dialect.make(kind, texts)
+
+    def called_function(self, node: ast.Call, name: str) -> tuple[str, Type]:
+        """Text and type of a call of a function of the source."""
+        kinds, result = self.source.signatures[name]
+        arguments = self.texts(node.args, kinds, node)
+        return f"{self.dialect.function(name)}({', '.join(arguments)})", result
 
     def infer(self) -> None:
         """Find the types of the variables that are read: assignments are gone through until nothing
@@ -209,7 +247,7 @@ class _Walk:
         if first == second:
             return first
         if {first, second} != {float, int}:
-            raise _refused(node)
+            raise refused(node)
         return float
 
     def fitted(self, node: ast.expr, wanted: Type) -> str:
@@ -218,7 +256,7 @@ class _Walk:
         """
         text, kind = self.code(node)
         if self.joined(wanted, kind, node) != wanted:
-            raise _refused(node)
+            raise refused(node)
         return self.dialect.cast.format(text) if kind != wanted else text
 
     def code(self, node: ast.expr) -> tuple[str, Type]:
@@ -246,7 +284,7 @@ class _Walk:
                 return self.field(node)
             case ast.Call():
                 return self.called(node)
-        raise _refused(node)
+        raise refused(node)
 
     def leaf(self, node: ast.Constant | ast.Name) -> tuple[str, Type]:
         """Text and type of a truth value, a number, a variable or a constant of a module."""
@@ -261,7 +299,7 @@ class _Walk:
                 return self.dialect.constant(name), type_of(self.source.constants[name])
             case ast.Name(id=name):
                 raise _UnknownYetError(f"{name} is read before its type is known")
-        raise _refused(node)
+        raise refused(node)
 
     def field(self, node: ast.Attribute | ast.Subscript) -> tuple[str, Type]:
         """Text and type of `math.pi`, of a field of a named tuple or a tuple, of an item of a
@@ -281,7 +319,7 @@ class _Walk:
                 field = f"f{ast.unparse(index)}"
                 if origin_of(kind) is tuple and field in fields_of(kind):
                     return f"{text}.{field}", fields_of(kind)[field]
-        raise _refused(node)
+        raise refused(node)
 
     def operated(self, node: ast.BinOp | ast.Compare | ast.BoolOp) -> tuple[str, Type]:
         """Text and type of an operation: of numbers, of truth values, or comparisons in a chain."""
@@ -298,7 +336,7 @@ class _Walk:
         # Of integers `/` has another meaning in other languages.
         integers_divided = sign == "/" and kind is int
         if not sign or only_for_integers or integers_divided or kind is bool:
-            raise _refused(node)
+            raise refused(node)
         form = self.dialect.operators.get(sign, f"({{}} {sign} {{}})")
         return form.format(first, second), kind
 
@@ -310,7 +348,7 @@ class _Walk:
         twice = [inner for term in terms[1:-1] for inner in ast.walk(term)]
         numbers = all(kind in (int, float) for _, kind in codes)
         if not numbers or any(isinstance(inner, ast.Call) for inner in twice):
-            raise _refused(node)
+            raise refused(node)
         links = []
         for operator, (first, _), (second, _) in zip(node.ops, codes, codes[1:], strict=False):
             links.append(f"({first} {_SIGNS[type(operator)]} {second})")
@@ -331,34 +369,48 @@ class _Walk:
                 return d.math["fabs"].format(self.fitted(value, float)), float
             case ast.Call(func=ast.Name(id="int"), args=[value], keywords=[]):
                 return d.truncate.format(self.fitted(value, float)), int
-            case ast.Call(func=ast.Attribute(value=ast.Name() as value, attr="_replace"), args=[]):
-                text, kind = self.code(value)
-                changes = {keyword.arg: keyword.value for keyword in node.keywords}
-                fields = []
-                for field, wanted in fields_of(kind).items():
-                    change = changes.pop(field, None)
-                    fields.append(
-                        f"{text}.{field}" if change is None else self.fitted(change, wanted)
-                    )
-                if not changes:
-                    return d.make(kind, fields), kind
             case ast.Call(func=ast.Name(id=name), keywords=[]) if name in self.source.signatures:
-                kinds, result = self.source.signatures[name]
-                arguments = self.texts(node.args, kinds, node)
-                return f"{d.function(name)}({', '.join(arguments)})", result
+                return self.called_function(node, name)
+            case ast.Call():
+                kind, fields = self.built(node)
+                return self.made(node, kind, fields), kind
+        raise refused(node)
+
+    def built(self, node: ast.Call) -> tuple[Type, dict[str, ast.expr]]:
+        """Type and fields of a named tuple that is made, or made of another one by `_replace`.
+        Raises UnportableError for any other call.
+        """
+        match node:
+            case ast.Call(func=ast.Attribute(value=ast.Name() as value, attr="_replace"), args=[]):
+                kind = self.code(value)[1]
+                changes = {keyword.arg: keyword.value for keyword in node.keywords}
+                if changes.keys() <= fields_of(kind).keys():
+                    same = {
+                        name: ast.Attribute(value, name, ast.Load()) for name in fields_of(kind)
+                    }
+                    return kind, {**same, **{str(name): new for name, new in changes.items()}}
             case ast.Call(func=ast.Name(id=name), keywords=[]):
                 for kind in self.source.compounds:
-                    if is_struct(kind) and kind.__name__ == name:
-                        kinds = tuple(fields_of(kind).values())
-                        return d.make(kind, self.texts(node.args, kinds, node)), kind
-        raise _refused(node)
+                    names = fields_of(kind)
+                    if is_struct(kind) and kind.__name__ == name and len(names) == len(node.args):
+                        return kind, dict(zip(names, node.args, strict=True))
+        raise refused(node)
+
+    def items(self, node: ast.Tuple) -> dict[str, ast.expr]:
+        """The items of a tuple that is returned, by their fields. Raises UnportableError unless
+        there are as many as the function says.
+        """
+        names = fields_of(self.result)
+        if len(names) != len(node.elts):
+            raise refused(node)
+        return dict(zip(names, node.elts, strict=True))
 
     def texts(self, nodes: Sequence[ast.expr], wanted: Sequence[Type], node: ast.AST) -> list[str]:
         """Texts of expressions of the types `wanted`, which are parts of `node`. Raises
         UnportableError unless there are as many expressions as types.
         """
         if len(nodes) != len(wanted):
-            raise _refused(node)
+            raise refused(node)
         return [self.fitted(value, kind) for value, kind in zip(nodes, wanted, strict=True)]
 
     def statement(self, node: ast.stmt) -> list[str]:
@@ -369,9 +421,8 @@ class _Walk:
                 if name not in self.read:
                     return []
                 return [f"{d.name(name)} = {self.fitted(value, self.kinds[name])}{d.stop}"]
-            case ast.Return(value=ast.Tuple(elts=values)) if origin_of(self.result) is tuple:
-                texts = self.texts(values, get_args(self.result), node)
-                return [f"return {d.make(self.result, texts)}{d.stop}"]
+            case ast.Return(value=ast.Tuple() as value) if origin_of(self.result) is tuple:
+                return [f"return {self.made(value, self.result, self.items(value))}{d.stop}"]
             case ast.Return(value=ast.expr() as value):
                 return [f"return {self.fitted(value, self.result)}{d.stop}"]
             case ast.Break() | ast.Continue():
@@ -390,11 +441,11 @@ class _Walk:
                 stored = {ast.unparse(assignment.targets[0]) for assignment in assignments}
                 # Other languages look at the end of the range before each turn.
                 if _names(bounds) & stored or name in stored:
-                    raise _refused(node)
+                    raise refused(node)
                 first, end = ["0", *(self.fitted(bound, int) for bound in bounds)][-2:]
                 begin = d.block_for.format(k=d.name(name), first=first, end=end)
                 return [begin, *self.inner(node.body), *self.end()]
-        raise _refused(node)
+        raise refused(node)
 
     def inner(self, body: Iterable[ast.stmt]) -> list[str]:
         """The lines of a block, indented."""

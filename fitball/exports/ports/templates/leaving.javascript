@@ -1,4 +1,4 @@
-/** The status of a ball that moves away from the surface, which is said once by `Bounce.warn`. */
+/** The status of a ball that moves away from the surface, which is said once by `Bounce.warn`: not a place to call the port from. */
 function leaving_(v_y) {
     const said = offered.warn;
     offered.warn = null;

@@ -3,6 +3,8 @@
  *
  * Self-test: node bounce.js
  * For a page and for node; all names are those of the object Bounce.
+ * rebound, rebound_3d and step take a further argument, an object that they returned before: they write into it and
+ * return it, so that nothing is allocated. It may be the flight that a step begins with.
  *
 @licence@
  */
@@ -10,6 +12,8 @@ const Bounce = (function () {
     "use strict";
 
     const offered = { warn: console.warn };
+
+    @structs@
 
     @constants@
 
