@@ -32,18 +32,18 @@ _MOST_RISE = 1.15
 
 def balls_of(flights: Sequence[Flight], diameter: float) -> list[Chain]:
     """Chains of at least two flights, the longest first, of balls of this diameter [m]."""
-    falling = [(flight,) for flight in flights if falls(flight, diameter)]
-    chains: list[Chain] = sorted(falling, key=lambda chain: chain[0].times[0])
-    while True:
-        pair = next(
-            ((a, b) for a in chains for b in chains if a is not b and _bounces(a, b, diameter)),
-            None,
-        )
-        if pair is None:
-            break
-        a, b = pair
-        chains = [chain for chain in chains if chain is not a and chain is not b]
-        chains = sorted([*chains, a + b], key=lambda chain: chain[0].times[0])
+    rest = [flight for flight in flights if falls(flight, diameter)]
+    rest.sort(key=lambda flight: flight.times[0])
+    chains: list[Chain] = []
+    while rest:
+        chain: Chain = (rest.pop(0),)
+        while True:
+            fits = (k for k, later in enumerate(rest) if _bounces(chain[-1], later, diameter))
+            next_one = next(fits, None)
+            if next_one is None:
+                break
+            chain = (*chain, rest.pop(next_one))
+        chains.append(chain)
     bounced = [chain for chain in chains if len(chain) > 1]
     return sorted(bounced, key=lambda chain: -frames_of(chain))
 
@@ -69,14 +69,12 @@ def falls(flight: Flight, diameter: float) -> bool:
     return bool(_LEAST_FALL - slack < fall / gravity < _MOST_FALL + slack)
 
 
-def _bounces(a: Chain, b: Chain, diameter: float) -> bool:
-    """Whether the first flight of b begins where the last one of a ends, falling before, rising
-    after, and not faster.
+def _bounces(before: Flight, after: Flight, diameter: float) -> bool:
+    """Whether a flight begins where the one before ends, that falling, this rising, and not
+    faster.
     """
-    before, after = a[-1], b[0]
     gap = after.times[0] - before.times[-1]
-    step = min(np.diff(before.times).min(), np.diff(after.times).min())
-    if not 0.0 < gap < max(_MOST_TIME, _MOST_FRAMES * step):
+    if not 0.0 < gap < max(_MOST_TIME, _MOST_FRAMES * min(before.step, after.step)):
         return False
     ratio = before.radius / after.radius
     if not 1.0 / _SAME_RADIUS < ratio < _SAME_RADIUS:

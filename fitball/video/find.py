@@ -51,6 +51,11 @@ _LONG_FLIGHT = 10
 # Rates that cameras have [1/s], and how near one is guessed.
 _RATES = (24, 25, 30, 50, 60, 100, 120, 240, 480, 960)
 _NEAR_RATE = 0.06
+# All rows are read in this share of the time between frames, with this sd: that of 43 cameras that
+# were measured. A picture shows the row time if the sd of that is below the third share.
+_USUAL_READOUT = 0.8
+_READOUT_SD = 0.2
+_SHOWN = 0.3
 # How often the look of a ball is read, each time by better places.
 _DRESSINGS = 2
 # A ball that rolls is seen in so many frames and falls by this share of a ball's fall at most.
@@ -272,7 +277,7 @@ def _seen(
     return Seen(
         clip,
         tuple(_sightings(name, ball, clip, spots) for name, ball in zip(names, balls, strict=True)),
-        _row_time(balls, look),
+        _row_time(clip, balls, look),
         Estimate(look.tilt, 0.0) if look.tilt is not None else tilt_of(spots.background),
         shake,
         float(np.median(exposures)) if exposures else float("nan"),
@@ -282,16 +287,22 @@ def _seen(
     )
 
 
-def _row_time(balls: Sequence[_Ball], look: Look) -> Estimate:
-    """The row time [s/px] that all balls show together; without any, unknown."""
+def _row_time(clip: Clip, balls: Sequence[_Ball], look: Look) -> Estimate:
+    """The row time [s/px] that all balls show together; without any, unknown. Where they hardly
+    show it, it is drawn to that of usual cameras.
+    """
     if look.row_time is not None:
         return Estimate(look.row_time, 0.0)
     if not balls:
         return Estimate(0.0, float("inf"))
+    rows = clip.height if clip.readout[1] else clip.width
+    longest = 1.0 / (clip.camera_rate * rows)
     values = np.array([ball.discs.row_time for ball in balls])
-    weight = values[:, 1] ** -2.0
-    mean = float((weight * values[:, 0]).sum() / weight.sum())
-    return Estimate(mean, float(weight.sum() ** -0.5))
+    weights = values[:, 1] ** -2.0
+    if weights.sum() < (_SHOWN * longest) ** -2.0:
+        values = np.vstack([values, [_USUAL_READOUT * longest, _READOUT_SD * longest]])
+        weights = values[:, 1] ** -2.0
+    return Estimate(float(np.average(values[:, 0], weights=weights)), float(weights.sum() ** -0.5))
 
 
 def _sightings(name: str, ball: _Ball, clip: Clip, spots: Spots) -> Sightings:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -40,6 +41,10 @@ _MOST_SEEDS = 3000
 # A path is cut at a kink if both sides together fit so much better.
 _LEAST_KINKED = 12
 _KINK_GAIN = 0.25
+# So many paths, the longest, are looked at: leaves and people in the wind make many.
+_MOST_FLIGHTS = 120
+# Pieces of one flight whose lines are this many times a radius apart are not looked at.
+_ACROSS = 2.0
 # Pieces of one flight lie at most so far apart [s] and have so many frames together; one parabola
 # goes through their ends to within so many radii and pixels.
 _MOST_GAP = 0.2
@@ -63,15 +68,25 @@ class Flight:
         x = np.polyfit(t, self.spots[:, X], 1)
         object.__setattr__(self, "curve", (x, np.polyfit(t, self.spots[:, Y], degree)))
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """The median radius of its spots [px]."""
         return float(np.median(self.spots[:, RADIUS]))
+
+    @cached_property
+    def step(self) -> float:
+        """The least time between its frames [s]."""
+        return float(np.diff(self.times).min())
 
     @property
     def span(self) -> float:
         """How long it is seen [s]."""
         return float(self.times[-1] - self.times[0])
+
+    def across(self, time: float) -> float:
+        """Its column at a time, by the line through all of its spots [px]."""
+        slope, start = self.curve[0]
+        return float(slope * (time - self.times[0]) + start)
 
     def fall(self) -> tuple[float, float]:
         """How fast it falls faster [px/s^2], and the sd of that; infinite of a few frames."""
@@ -129,7 +144,8 @@ def flights_of(
     """
     search = _Search(found, times, 0.0 if rolling else 1.0 / diameter)
     flights = [piece for path in search.paths() for piece in _cut(path)]
-    flights = _joined(flights, diameter)
+    flights.sort(key=lambda flight: -len(flight.frames))
+    flights = _joined(flights[:_MOST_FLIGHTS], diameter)
     return sorted(flights, key=lambda flight: -len(flight.frames) * min(1.0, flight.radius / 4.0))
 
 
@@ -271,23 +287,28 @@ def _rest(path: Flight, rows: slice) -> float:
 
 
 def _joined(flights: list[Flight], diameter: float) -> list[Flight]:
-    """The flights, pieces of one put together."""
-    flights = sorted(flights, key=lambda flight: flight.frames[0])
-    while True:
-        pair = next(
-            ((a, b) for a in flights for b in flights if a is not b and _is_one(a, b, diameter)),
-            None,
-        )
-        if pair is None:
-            return flights
-        a, b = pair
-        both = Flight(
-            np.concatenate([a.frames, b.frames]),
-            np.concatenate([a.times, b.times]),
-            np.concatenate([a.spots, b.spots]),
-        )
-        flights = [flight for flight in flights if flight is not a and flight is not b]
-        flights = sorted([*flights, both], key=lambda flight: flight.frames[0])
+    """The flights, pieces of one put together: each goes on with the first one that fits."""
+    rest = sorted(flights, key=lambda flight: flight.frames[0])
+    whole = []
+    while rest:
+        flight = rest.pop(0)
+        while True:
+            fits = (k for k, later in enumerate(rest) if _is_one(flight, later, diameter))
+            next_one = next(fits, None)
+            if next_one is None:
+                break
+            flight = _both(flight, rest.pop(next_one))
+        whole.append(flight)
+    return whole
+
+
+def _both(a: Flight, b: Flight) -> Flight:
+    """Two flights as one."""
+    return Flight(
+        np.concatenate([a.frames, b.frames]),
+        np.concatenate([a.times, b.times]),
+        np.concatenate([a.spots, b.spots]),
+    )
 
 
 def _is_one(a: Flight, b: Flight, diameter: float) -> bool:
@@ -298,9 +319,12 @@ def _is_one(a: Flight, b: Flight, diameter: float) -> bool:
     radius = np.sqrt(a.radius * b.radius)
     if not _alike(np.array(a.radius), b.radius, 1.42):
         return False
+    # Most pieces are far apart across, which is quickly seen.
+    middle = 0.5 * (a.times[-1] + b.times[0])
+    if abs(a.across(middle) - b.across(middle)) > _ACROSS * (radius + 3.0):
+        return False
     gravity = gravity_px(float(radius), diameter)
     end, start = a.end(True, gravity), b.end(False, gravity)
-    middle = 0.5 * (end.time + start.time)
     apart = np.hypot(*(end.at(middle) - start.at(middle)))
     turned = np.hypot(*(end.velocity_at(start.time) - start.velocity)) * gap
     if apart > 0.7 * radius + 2.0 or turned > 1.2 * radius + 3.0:

@@ -50,6 +50,16 @@ def reduced(plane: Bytes, unit: int, out: Bytes) -> None:
 
 
 @entry
+def nearest(plane: Bytes, out: Bytes) -> None:
+    """The plane with as many rows and columns as `out` has: at each the nearest value."""
+    rows, columns = plane.shape
+    for i in range(out.shape[0]):
+        row = (2 * i + 1) * rows // (2 * out.shape[0])
+        for j in range(out.shape[1]):
+            out[i, j] = plane[row, (2 * j + 1) * columns // (2 * out.shape[1])]
+
+
+@entry
 def moved(plane: Bytes, x: float, y: float, out: Bytes) -> None:
     """The plane as if the camera had not moved by x and y [px]: linear, its edges repeated."""
     rows, columns = plane.shape

@@ -39,7 +39,7 @@ def _edges(picture: Plane) -> tuple[float, float]:
     rows, columns = (size // 2 * 2 for size in picture.shape)
     half = picture[:rows, :columns].reshape(rows // 2, 2, columns // 2, 2).mean((1, 3))
     steps = np.clip(np.diff(gaussian_filter(half, 1.0), axis=0), -_STRONGEST, _STRONGEST)
-    parts = np.array_split(np.arange(steps.shape[1]), _BANDS)
+    parts = np.array_split(np.arange(steps.shape[1]), min(_BANDS, steps.shape[1]))
     bands = np.array([steps[:, part].mean(1) for part in parts])
     middles = np.array([part.mean() for part in parts]) - steps.shape[1] / 2.0
     coarse = np.arange(-_STEEPEST, _STEEPEST + _COARSE / 2.0, _COARSE)

@@ -204,13 +204,12 @@ def _sparse(shape: tuple[int, int]) -> IntArray:
 
 def _colours(frame: Frame, shape: tuple[int, int]) -> list[Plane]:
     """The colour differences at the pixels of the smaller picture."""
-    rows, columns = frame.chroma.shape[:2]
-    if (rows, columns) == shape:
-        return [frame.chroma[..., 0], frame.chroma[..., 1]]
-    i = (np.arange(shape[0]) * 2 + 1) * rows // (2 * shape[0])
-    j = (np.arange(shape[1]) * 2 + 1) * columns // (2 * shape[1])
-    small = frame.chroma[i[:, None], j]
-    return [small[..., 0], small[..., 1]]
+    planes = []
+    for which in (0, 1):
+        small = np.empty(shape, np.uint8)
+        kernels.nearest(frame.chroma[..., which], small)
+        planes.append(small)
+    return planes
 
 
 def _compact(

@@ -1,0 +1,112 @@
+"""Flights of balls: bounces in place, sds of places by their scatter, the row time of cameras."""
+
+import numpy as np
+import pytest
+from support.clips import write
+
+from fitball.video.bounces import balls_of
+from fitball.video.curves import smoothed, with_scatter
+from fitball.video.films import open_film
+from fitball.video.find import find_balls
+from fitball.video.flights import flights_of
+from fitball.video.shape import Discs
+from fitball.video.types import Estimate, Look
+
+GRAVITY = 9.81
+DIAMETER = 0.066
+# Pixels a metre of a ball of 11 px radius.
+METRE = 11.0 / 0.033
+RATE = 120.0
+
+
+def spots_of_drops(bounces, junk, seed=1):
+    """Spots (x, y, radius, strength) of a ball that bounces in place, and of other things about its
+    line, with the times of frames.
+    """
+    rng = np.random.default_rng(seed)
+    rises = 3.5 * 0.75 ** np.arange(bounces + 1)
+    lands = np.cumsum([0.0, *(2.0 * rises[1:] / GRAVITY)])
+    times = np.arange(-0.3, lands[-1], 1.0 / RATE)
+    number = np.searchsorted(lands, times, side="right")
+    since = times - lands[np.maximum(number - 1, 0)]
+    speed = np.where(number == 0, -rises[0], rises[np.minimum(number, bounces)])
+    height = np.maximum(speed * since - 0.5 * GRAVITY * since**2, 0.0)
+    found = []
+    for h in height:
+        ball = [320.0 + rng.normal(0.0, 0.3), 300.0 - METRE * h + rng.normal(0.0, 0.3), 11.0, 9.0]
+        other = np.column_stack(
+            [
+                320.0 + rng.normal(0.0, 2.0, junk),
+                rng.uniform(50.0, 310.0, junk),
+                rng.uniform(2.0, 8.0, junk),
+                np.full(junk, 6.0),
+            ]
+        )
+        found.append(np.vstack([ball, other]))
+    return found, times
+
+
+def test_a_ball_that_bounces_in_place_is_one_ball_with_all_flights_higher_than_itself():
+    found, times = spots_of_drops(bounces=5, junk=0)
+    longest = balls_of(flights_of(found, times, DIAMETER), DIAMETER)[0]
+    rises = 3.5 * 0.75 ** np.arange(1, 6)
+    high = rises[rises**2 / (2.0 * GRAVITY) > DIAMETER]
+    starts = [flight.times[0] for flight in longest]
+    assert starts[1:] == pytest.approx(np.cumsum([0.0, *(2.0 * high[:-1] / GRAVITY)]), abs=0.02)
+
+
+def test_of_many_paths_the_longest_are_looked_at():
+    found, times = spots_of_drops(bounces=2, junk=16)
+    flights = flights_of(found, times, DIAMETER)
+    assert 50 < len(flights) <= 120
+    assert any(len(flight.frames) > 15 for flight in flights)
+
+
+def discs_of(scatter, edge, seed=3):
+    """Discs whose places scatter about two flights, with the sds of their edges."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(80) / 240.0
+    p = np.zeros((80, 7))
+    p[:, 0] = 100.0 + 900.0 * times + scatter[0] * rng.standard_normal(80)
+    p[:, 1] = 50.0 + 1500.0 * np.abs(times - 0.16) + scatter[1] * rng.standard_normal(80)
+    p[:, 2] = 20.0
+    discs = Discs(
+        np.arange(80),
+        times,
+        p,
+        np.full((80, 7), edge),
+        np.ones(80),
+        np.full(80, 20.0),
+        1e-3,
+        0.9,
+        Estimate(0.0, 1e-6),
+        {},
+    )
+    return discs, [np.arange(38), np.arange(39, 80)]
+
+
+def test_sds_of_places_are_those_of_their_scatter_or_of_their_edges_if_larger():
+    discs, flights = discs_of((0.2, 0.1), 0.02)
+    sd = with_scatter(discs, flights).sd
+    assert np.median(sd[:, :2], axis=0) == pytest.approx([0.2, 0.1], rel=0.25)
+    # Sds of what is no place stay.
+    assert (sd[:, 2:] == 0.02).all()
+    discs, flights = discs_of((0.001, 0.001), 0.3)
+    assert with_scatter(discs, flights).sd[:, :2] == pytest.approx(0.3, rel=1e-3)
+
+
+def test_a_place_that_is_far_off_moves_no_curve():
+    discs, flights = discs_of((0.02, 0.02), 0.02)
+    good = np.ones(80, bool)
+    places = discs.p[:, :2].copy()
+    usual = smoothed(discs.times, places, flights, good)
+    places[20] += 30.0
+    assert smoothed(discs.times, places, flights, good) == pytest.approx(usual, abs=0.03)
+
+
+def test_a_film_in_which_nothing_moves_shows_no_row_time_and_no_ball(tmp_path):
+    clip = open_film(write(tmp_path / "still.mp4", count=20))
+    seen = find_balls(clip, Look(), lambda _stage, _share: None)
+    assert seen.balls == ()
+    assert seen.nothing
+    assert not np.isfinite(seen.row_time.sd)
