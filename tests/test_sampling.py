@@ -14,7 +14,7 @@ from fitball.inference.effort import Effort
 from fitball.inference.sampling import chains
 from fitball.inference.sampling import sample as sampling
 from fitball.inference.sampling.convergence import Mixing
-from fitball.inference.sampling.importance import Student
+from fitball.inference.sampling.importance import Student, adaptive_draws
 from fitball.inference.sampling.sample import sample
 from fitball.inference.sampling.target import Target
 from fitball.inference.search.best_fit import best_fit
@@ -134,7 +134,7 @@ def test_draws_with_scatter_drawn_again_have_the_density_of_the_posterior():
     assert_allclose(posterior.log_density.ravel(), log_posterior(problem, q), rtol=1e-8)
     assert {*diagnostics.r_hat} == {*problem.free}
     # Weighted draws of the whole posterior, by scatter not integrated.
-    plain = sampling.adaptive_draws(
+    plain = adaptive_draws(
         lambda at: log_posterior(problem, at),
         start_proposals(problem),
         np.random.default_rng(5),

@@ -25,8 +25,9 @@ _Input = TypeVar("_Input")
 _Output = TypeVar("_Output")
 # How loky says that a process ended.
 _ENDED = re.compile(r"\b[A-Z]+\(-?\d+\)")
-# How long a Dask scheduler may take to answer [s].
+# How long a Dask scheduler may take to answer, and the first worker to connect to it [s].
 _PATIENCE = 10
+_WORKER_PATIENCE = 60
 
 
 class _Workers(NamedTuple):
@@ -52,7 +53,8 @@ def as_completed(
     (`worker-died`). `address` is a Dask scheduler's. A user's functions travel by cloudpickle.
 
     Raises:
-        ParameterError: Dask is not installed or does not answer (`scheduler`).
+        ParameterError: Dask is not installed, does not answer or has no worker (`scheduler`).
+        MachineError: the Dask scheduler ended meanwhile (`scheduler`).
     """
     # A cluster has cores of its own.
     count = len(inputs) if address else min(cores or environment.cores(), len(inputs))
@@ -115,6 +117,9 @@ def _answers(
                     break
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     number = running.pop(future)
+                    if future.cancelled():
+                        text = "the Dask scheduler ended, or its connection: start it again"
+                        raise MachineError(text, "scheduler")
                     error = future.exception()
                     if isinstance(error, deaths):
                         died.append((number, ", ".join(_ENDED.findall(str(error))) or "killed"))
@@ -146,7 +151,7 @@ def _workers(count: int, address: str) -> Iterator[_Workers]:
 
 def _client(address: str) -> Client:
     """A client of the Dask scheduler at an address, or in the file that it wrote. Raises
-    ParameterError (`scheduler`).
+    ParameterError (`scheduler`), also where no worker connects to it.
     """
     try:
         from distributed import Client
@@ -156,13 +161,23 @@ def _client(address: str) -> Client:
         raise ParameterError(text, "scheduler") from None
     option = "scheduler_file" if address.endswith(".json") else "address"
     try:
-        return Client(timeout=_PATIENCE, set_as_default=False, **{option: address})  # type: ignore[no-untyped-call]
+        client = Client(timeout=_PATIENCE, set_as_default=False, **{option: address})  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         expected = (
             "expected an address such as tcp://localhost:8786, or the file that the scheduler wrote"
         )
         text = f"scheduler: read '{address}'; no Dask scheduler answers there ({error}); {expected}"
         raise ParameterError(text, "scheduler") from None
+    try:
+        client.wait_for_workers(1, timeout=_WORKER_PATIENCE)
+    except TimeoutError:
+        client.close()  # type: ignore[no-untyped-call]
+        text = (
+            f"scheduler: no worker connected to '{address}' within {_WORKER_PATIENCE} s; start "
+            "one: dask worker ADDRESS --nthreads 1"
+        )
+        raise ParameterError(text, "scheduler") from None
+    return client
 
 
 def _begin() -> None:

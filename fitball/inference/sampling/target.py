@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
@@ -19,7 +19,7 @@ from fitball.inference.density import (
 )
 from fitball.inference.problem.joint_prior import joint_prior
 from fitball.inference.problem.problem import Problem
-from fitball.inference.sampling.importance import Student
+from fitball.inference.sampling.importance import AdaptiveDraws, Student, adaptive_draws
 from fitball.inference.scatter import ScatterIntegral
 
 # Draws whose scatter is drawn at once.
@@ -206,3 +206,27 @@ def target_of(problem: Problem) -> Target:
         prior=joint_prior([problem.prior.parameters[k] for k in kept], []),
     )
     return Integrated(problem, reduced, tuple(scatters), kept)
+
+
+def adapted(
+    target: Target,
+    proposals: Sequence[Student],
+    rng: np.random.Generator,
+    enough: float,
+    good_k: float = np.inf,
+    progress: Callable[[int], None] = lambda _tried: None,
+) -> tuple[AdaptiveDraws, Annotated[FloatArray, "draws numbers"]]:
+    """Draws of a target, as by `adaptive_draws` from proposals in its coordinates, and what it
+    evaluated at them. `progress` is given how many draws were tried.
+    """
+    evaluations = list[FloatArray]()
+
+    def density(x: FloatArray) -> FloatArray:
+        evaluations.append(target.evaluate(x))
+        progress(sum(map(len, evaluations)))
+        return evaluations[-1][:, 0]
+
+    drawn = adaptive_draws(density, proposals, rng, enough, good_k)
+    # The last evaluations are of the proposals' centres.
+    evaluated = np.concatenate(evaluations)[: drawn.tried]
+    return drawn, evaluated[np.isfinite(evaluated[:, 0])]
