@@ -18,6 +18,16 @@ import logging, sys
 logging.basicConfig(level="INFO", format="SAID %(levelname)s", stream=sys.stdout)
 from fitball.models.kernels.compiled import entry, kernel_folder
 from tiny import twice
+from numba.core import event
+
+class Seen(event.Listener):
+    def on_start(self, event):
+        print("COMPILED")
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Seen())
 print(twice(21), kernel_folder())
 """
 
@@ -58,7 +68,9 @@ def test_processes_that_start_together_compile_once(tmp_path):
     third = words_of(started(tmp_path, TINY, cache))
     for words in (first, second, third):
         assert words[-2] == "42"
-    # One of them reports that it compiles.
+    # One of them reports that it compiles, and later processes do not compile again.
+    assert first.count("COMPILED") + second.count("COMPILED") == 1
+    assert "COMPILED" not in third
     assert first.count("SAID") + second.count("SAID") == 1
     assert "SAID" not in third
     assert len(list(cache.rglob("*.nbc"))) == 1
