@@ -117,13 +117,13 @@ def test_a_batch_on_a_cluster_writes_the_same_bytes(cluster, tmp_path):
     table = table_of(8)
     for name, rows in (("a", table), ("b", table.iloc[:6])):
         rows.to_csv(tmp_path / "courts" / f"{name}.csv", index=False)
-    command = ["-m", "fitball", "batch", "courts", "--model", "grip-slip", "--figures", "none"]
+    command = ["-m", "fitball", "batch", "courts", "--model", "grip-slip", "--point-only"]
     for out, option in (("there", ["--scheduler", file]), ("here", ["--cores", "1"])):
         run = ran(*command, "--out", out, *option, cwd=tmp_path)
         assert run.returncode in (0, 1), run.stderr[-2000:]
     there = contents_of(tmp_path / "there")
     assert "batch.csv" in there
-    assert {f"{name}/fit.nc" for name in "ab"} <= {*there}
+    assert {f"{name}/fit.json" for name in "ab"} <= {*there}
     assert there == contents_of(tmp_path / "here")
 
 
