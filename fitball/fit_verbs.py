@@ -80,14 +80,15 @@ def plan(
         fit (FIT): a fit or its folder
         target (A,B,...): parameters, derived quantities, or impact="v_1=30, theta_1=16 deg" for its
             rebound (default: all free parameters of the model)
-        speed (LOW..HIGH:N): of the machine, such as "10..40 m/s:7" (default: as in the table)
+        speed (LOW..HIGH:N): of the machine, such as "10..40 m/s:7" (default: round numbers in the
+            range and unit of the table; so are the others)
         angle (LOW..HIGH:N): between flight and court, such as 15..60:10 (degrees)
         spin (LOW..HIGH:N): such as "-3000..3000 rpm:5"
         level (COLUMN=LABEL): on this surface, or with this ball, alone
         count (N): impacts
-        sensor (COLUMN=SD,...): ways of measuring, tried one at a time: contact_time=0.1ms;
-            gaps=SHARE of the usual errors of what is between the flights; drop=HEIGHT (default:
-            what the table has not)
+        sensor (COLUMN=SD,... or none): ways of measuring, tried one at a time: contact_time=0.1ms;
+            gaps=SHARE of the usual errors of what is between the flights; drop=HEIGHT; none: as
+            before alone (default: what the table has not)
         model (FILE.py:NAME): the function of your own that the fit was made with
 
     Raises:

@@ -29,7 +29,7 @@ from fitball.report import plan as plan_page
 from fitball.report import predict as predict_page
 from fitball.report import simulate as simulate_page
 from fitball.report import track as track_page
-from fitball.uses.lab import drop_test
+from fitball.uses.drops import drop_test
 
 # By symbol the unit of SI that it is read for, and how much of that it is: the SI brochure, 360
 # degrees a turn.

@@ -14,11 +14,12 @@ from support.fit_by_hand import fit_by_hand, table_of
 from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
-from fitball.report import cite, fit_page, fit_tables, fit_words, lab, plotted, style
+from fitball.report import cite, fit_page, fit_tables, fit_words, lab, lab_lines, plotted, style
 from fitball.report.blocks import Table
 from fitball.report.frame_rows import FrameRow
 from fitball.report.quantities import MAIN_KINDS, unit_of
 from fitball.report.render import to_text
+from fitball.uses.measured import LabTests
 
 SURFACES = ("clay", "grass", "hard", "carpet", "wood")
 
@@ -227,7 +228,19 @@ def test_a_description_of_the_data_is_quoted_as_it_is():
     assert bare.count(".") == 1
 
 
-def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
+@pytest.fixture
+def found(monkeypatch):
+    """A function that makes pages find these rows of laboratory tests."""
+
+    def set_tests(pace, drops):
+        tests = LabTests(pd.DataFrame(pace), pd.DataFrame(drops))
+        for module in (lab, lab_lines):
+            monkeypatch.setattr(module, "lab_tests", lambda _: tests)
+
+    return set_tests
+
+
+def test_court_pace_is_laid_out(fit, found):
     shares = dict.fromkeys(itf.PACE_CATEGORIES, 0.0) | {"slow": 0.67, "medium-slow": 0.33}
     paced = {
         "surface": "",
@@ -238,18 +251,28 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
         "q975": 32.0,
         **shares,
     }
-    paced_place = {**paced, "place": "net", "rating": 27.1}
-    monkeypatch.setattr(lab, "measured_pace", lambda *_: pd.DataFrame([paced, paced_place]))
-    lines = lab.sentences(fit)
+    paced |= {"variation": 6.2, "by_chance": 0.01}
+    places = [{**paced, "place": place, "rating": 27.1, "impacts": 4} for place in ("net", "far")]
+    found([paced, *places], [])
     # What was measured stands for what the model says.
-    assert len(lines) == 1
-    assert "slow" in lines[0]
-    assert "67 %" in lines[0]
+    assert lab.sentences(fit) == []
+    first, of_places, asked = lab_lines.measured_lines(fit)
+    assert "28.4" in first
+    assert "slow" in first
+    assert "67 %" in first
+    assert "uneven" in of_places
+    assert "9 impacts a location (here 4)" in asked
     assert lab.section(fit).title == "Court pace"
     rows = lab.section(fit).blocks[0].rows
-    assert [(row["place"], row["impacts"]) for row in rows] == [("", "9"), ("net", "9"), ("", "")]
+    shown = [(row["place"], row["impacts"]) for row in rows]
+    assert shown == [("", "9"), ("net", "4"), ("far", "4"), ("", "")]
     assert near(rows[0]["rating, 95 %"], 28.4)
     assert rows[0]["category"] == "slow 67 %, medium-slow 33 %"
+    found([{**paced, "by_chance": 0.3}, *places], [])
+    assert "uneven" not in "".join(lab_lines.measured_lines(fit))
+
+
+def test_drop_tests_are_laid_out(found):
     drop = {
         "surface": "",
         "label": "",
@@ -265,13 +288,22 @@ def test_court_pace_and_drop_tests_are_laid_out(fit, monkeypatch):
         "ratio": 0.9,
         "ratio_q025": 0.88,
         "ratio_q975": 0.92,
+        "balls": 1,
+        "agree": True,
+        "by_chance": np.nan,
+        "outlying": False,
     }
-    kinds = pd.DataFrame([{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")])
-    monkeypatch.undo()
-    monkeypatch.setattr(lab, "drop_test", lambda *_: kinds)
+    drop |= dict.fromkeys(["sd_balls", "sd_balls_q025", "sd_balls_q975"], np.nan)
+    drop |= {"sd_repeats": 0.01, "sd_repeats_q025": 0.008, "sd_repeats_q975": 0.013}
+    kinds = [{**drop, "kind": kind} for kind in ("speed", "ball", "mean", "another")]
+    found([], kinds)
     fallen = fit_by_hand(table_of(12, drop=True))
-    assert "141.0" in lab.sentences(fallen)[0]
-    assert "> 99 %" in lab.sentences(fallen)[0]
+    lines = lab_lines.measured_lines(fallen)
+    assert "141.0" in lines[0]
+    assert "> 99 %" in lines[0]
+    # Of which nothing is stated is said to be assumed.
+    assert "type-2 (assumed)" in lines[0]
+    assert "24 balls (here 1)" in lines[-1]
     assert lab.section(fallen).title == "Drop test"
     table = lab.section(fallen).blocks[1].rows
     assert len(table) == 4

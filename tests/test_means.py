@@ -18,8 +18,9 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.values import Ball
 from fitball.data.read import load_table
 from fitball.data.scene import Scene
-from fitball.uses.lab import drop_test, measured_pace
+from fitball.uses.drops import drop_test
 from fitball.uses.means import means
+from fitball.uses.pace import measured_pace
 
 # The chance that a right rule fails a test that counts.
 FALSE_FAILURES = 1e-4

@@ -8,7 +8,7 @@ import fitball
 from fitball.base.columns import MIRRORED
 from fitball.data.balances import impact_balances
 from fitball.report.figures.shared import to_one_side
-from fitball.uses.lab import measured_pace
+from fitball.uses.pace import measured_pace
 
 ROWS = 24
 SIDE = np.where(np.arange(ROWS) % 3 == 1, -1.0, 1.0)

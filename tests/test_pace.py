@@ -15,7 +15,7 @@ from fitball.base.values import Ball
 from fitball.data.read import load_table
 from fitball.data.scene import BallSection, Scene
 from fitball.report import lab as page
-from fitball.uses.lab import measured_pace
+from fitball.uses.pace import measured_pace
 
 
 def paced(ratings, friction=0.6, speed=30.0, angle=16.0, spin=0.0, polar=False, **labels):

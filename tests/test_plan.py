@@ -13,6 +13,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base.errors import ParameterError
+from fitball.base.numbers import Unit
 from fitball.base.options import names_of
 from fitball.data.load import load_data
 from fitball.data.scene import CameraSection, Scene, ValueWithSd
@@ -21,6 +22,7 @@ from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page
 from fitball.report.style import draw_styled, image_bytes
 from fitball.results.result import Result
+from fitball.uses.machine import round_steps
 
 NOISE = {"v_x_sd": 0.3, "v_y_sd": 0.2, "spin_sd": 6.0}
 # Of v_x2, v_y2, omega_2, as a column.
@@ -389,6 +391,77 @@ def test_the_range_of_the_table_is_where_plans_are_unless_asked(straight):
         spin="0",
     )
     assert not near.frames["plan"]["outside"].any()
+
+
+def in_mph():
+    """The made table with speeds in mph and spins in rpm, and a plan of it."""
+    frame = table_of()
+    headed = {"v_x1": "v_x1 [mph]", "v_y1": "v_y1 [mph]", "omega_1": "omega_1 [rpm]"}
+    for name, factor in (("v_x1", 0.44704), ("v_y1", 0.44704), ("omega_1", np.pi / 30.0)):
+        frame[name] = frame[name] / factor
+    return fitball.plan(fit_by_hand(frame.rename(columns=headed)), sensor={}, count=3)
+
+
+def test_proposals_are_round_numbers_in_the_units_of_the_table(straight):
+    plan = in_mph().frames["plan"]
+    speeds = plan["v_1"].to_numpy() / 0.44704
+    spins = plan["omega_1"].to_numpy() * 30.0 / np.pi
+    angles = np.degrees(plan["theta_1"].to_numpy())
+    # Of 33 to 56 mph in six steps, -1,900 to 1,900 rpm in five, 15 to 69 degrees in fifteen.
+    for values, step in ((speeds, 2.0), (spins, 200.0), (angles, 1.0)):
+        assert_allclose(values / step, np.round(values / step), atol=1e-6)
+    text = in_mph().report()
+    assert "mph at" in text
+    assert "m/s at" not in text
+    within = fitball.plan(straight, sensor={}, count=3).frames["gains"]
+    measured = straight.problem.rows.states.polar()[0]
+    assert within["v_1"].min() >= measured.min() - 1e-9
+    assert within["v_1"].max() <= measured.max() + 1e-9
+    table = page.to_fill_in(in_mph())
+    assert "v_x1 [mph]" in table
+    assert "omega_1 [rpm]" in table
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "count", "wanted"),
+    [
+        (14.93, 25.02, 6, [15, 17, 19, 21, 23, 25]),
+        (0.1, 0.9, 5, [0.1, 0.3, 0.5, 0.7, 0.9]),
+        (-212.0, 199.0, 5, [-200, -100, 0, 100, 150]),
+        (3.0, 3.0, 4, [3.0]),
+    ],
+)
+def test_steps_are_round_and_within_the_range(low, high, count, wanted):
+    values = round_steps(low, high, count, Unit("m/s"))
+    assert low - 1e-12 <= values.min()
+    assert values.max() <= high + 1e-12
+    if wanted[-1] != 150:
+        assert_allclose(values, wanted, atol=1e-9)
+    else:
+        assert_allclose(values % 50.0, 0.0, atol=1e-9)
+
+
+def test_what_is_extrapolated_within_the_ranges_is_explained(straight):
+    far = fitball.plan(straight, sensor={}, count=1, **{**GRID, "speed": "60"})
+    notes = {note.code: note.text for note in far.notes}
+    assert "beyond" in notes["extrapolated"]
+    near = fitball.plan(straight, sensor={}, count=1, speed="20", angle="40", spin="0")
+    assert "extrapolated" not in {note.code for note in near.notes}
+
+
+def test_drops_from_heights_are_planned_as_heights():
+    frame = pd.DataFrame(
+        {
+            "drop_height [cm]": np.repeat([97.0, 151.0, 252.0], 4),
+            "rebound_height [cm]": 55.0 * np.repeat([0.98, 1.48, 2.4], 4) + np.arange(12) % 4,
+        }
+    )
+    result = fitball.plan(fit_by_hand(frame), sensor={}, count=2)
+    heights = 100.0 * result.frames["plan"]["drop_height"].to_numpy()
+    assert_allclose(heights / 10.0, np.round(heights / 10.0), atol=1e-6)
+    assert "cm" in result.report().split("Measure next")[1][:60]
+    head = [*page.to_fill_in(result)]
+    assert head == ["id", "drop_height [cm]", "rebound_height [cm]", "sensor"]
 
 
 def shown_gains(plan):

@@ -35,6 +35,27 @@ BALL_TOLERANCES: Mapping[str, tuple[float, float]] = {
     "ball_mass": (0.0560, 0.0594),
     "ball_radius": (0.0327, 0.0343),
 }
+# The same of type 3, which is larger (diameter 7.00 to 7.30 cm).
+_LARGE_BALL: Mapping[str, tuple[float, float]] = {
+    "ball_mass": (0.0560, 0.0594),
+    "ball_radius": (0.0350, 0.0365),
+}
+# The type of a ball of which none is stated.
+USUAL_TYPE = "type-2"
+# Mean rebounds [m] over which the ITF's ball rebound of a surface is preferred, as a share of that
+# on smooth granite.
+PREFERRED_REBOUND = 0.80
+# Of a drop test (TB 04/01): balls of a sample, of stages 2 and 3 fewer, valid drops of each ball,
+# and the temperature of the room [degrees Celsius] with its tolerance.
+TESTED_BALLS = 24
+TESTED_STAGE_BALLS = 12
+DROPS_OF_A_BALL = 4
+ROOM_TEMPERATURE = (20.0, 2.0)
+# Of a court test (CS 01/02): impacts of a location, balls, and the range of mean temperatures of
+# the balls [degrees Celsius].
+PACE_IMPACTS = 9
+PACE_BALLS = 3
+PACE_BALL_TEMPERATURES = (10.0, 30.0)
 # Radii [m] of tennis balls with wear and the errors of a picture.
 _RADII = (0.030, 0.037)
 # What CS 01/02 allows about its test impact: 2 m/s, 2 degrees, 3 revolutions a second.
@@ -67,9 +88,32 @@ def is_tennis_radius(radius: float) -> bool:
 
 def is_tennis_ball(ball: Ball) -> bool:
     """Whether mass and radius are within the rules, so that what is known of tennis balls holds."""
-    for constant, (low, high) in zip(
-        (ball.mass, ball.radius), BALL_TOLERANCES.values(), strict=True
-    ):
+    return _is_within(ball, BALL_TOLERANCES)
+
+
+def is_ball_of_type(ball: Ball, ball_type: str) -> bool:
+    """Whether mass and radius are those of a type of BALL_TYPES. Of stage balls only the rebound is
+    limited here: their masses and sizes were not found.
+    """
+    if ball_type.startswith("stage"):
+        return True
+    return _is_within(ball, _LARGE_BALL if ball_type == "type-3" else BALL_TOLERANCES)
+
+
+def usual_radius(ball_type: str) -> float:
+    """The radius [m] of a ball of which only the type is stated."""
+    return sum(_LARGE_BALL["ball_radius"]) / 2.0 if ball_type == "type-3" else Ball().radius
+
+
+def tested_balls(ball_type: str) -> int:
+    """Balls of a sample that the drop test of a type takes."""
+    few = ball_type.startswith(("stage-2", "stage-3"))
+    return TESTED_STAGE_BALLS if few else TESTED_BALLS
+
+
+def _is_within(ball: Ball, tolerances: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether mass and radius lie within tolerances, limits among them."""
+    for constant, (low, high) in zip((ball.mass, ball.radius), tolerances.values(), strict=True):
         rounding = _ROUNDING * high
         if not low - rounding <= constant <= high + rounding:
             return False

@@ -28,7 +28,7 @@ from fitball.uses.groups import (
     spread_prior,
 )
 from fitball.uses.hierarchy import LEAST_GROUPS, Group, Hierarchy, hierarchy, measured_group
-from fitball.uses.lab import drop_test, measured_pace
+from fitball.uses.measured import lab_tests
 
 DONE = "done"
 FAILED = "failed"
@@ -201,15 +201,15 @@ def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
     """What was measured in laboratory tests; into the `row` go the category of a court and the
     chances to pass.
     """
-    measurements = fit.run.table, fit.run.scene, fit.run.choices.prior
-    for pace in measured_pace(*measurements).to_dict("records"):
+    tests = lab_tests(fit)
+    for pace in tests.pace.to_dict("records"):
         if pace["place"]:
             continue
         name = _name_on("pace_measured", pace["surface"])
         meaning = "court pace rating, as measured"
         yield _Tested(name, PLAIN, meaning, pace["rating"], pace["q025"], pace["q975"])
         row[f"{name}_category"] = max(itf.PACE_CATEGORIES, key=lambda category: pace[category])
-    for drop in drop_test(*measurements).to_dict("records"):
+    for drop in tests.drops.to_dict("records"):
         surface = drop["surface"]
         if drop["kind"] in ("mean", "another") and np.isfinite(drop["passes"]):
             row[_name_on(f"{drop['kind']}_passes", surface)] = drop["passes"]

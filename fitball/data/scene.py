@@ -16,7 +16,7 @@ import msgspec
 from fitball.base.air import SLOW_DRAG, Coefficient
 from fitball.base.columns import COLUMNS
 from fitball.base.errors import Fault, InputError, Note, suggestion
-from fitball.base.itf import BALL_TYPES
+from fitball.base.itf import BALL_TYPES, USUAL_TYPE, usual_radius
 from fitball.base.text import listed, one_line
 from fitball.base.values import Ball
 
@@ -46,7 +46,7 @@ class BallSection(SceneSection, frozen=True):
     inertia_ratio: float | ValueWithSd | None = None
     inertia: float | ValueWithSd | None = None
     temperature: float | None = None
-    type: str = "type-2"
+    type: str | None = None
 
 
 class CameraSection(SceneSection, frozen=True):
@@ -121,10 +121,20 @@ class Scene(SceneSection, frozen=True):
         usual = Ball()
         ball = self.ball
         mass = _number(ball.mass, usual.mass)
-        radius = _number(ball.radius, usual.radius)
+        radius = _number(ball.radius, usual_radius(self.ball_type()))
         if ball.inertia is not None:
             return Ball(mass, radius, _number(ball.inertia, 0.0) / (mass * radius**2))
         return Ball(mass, radius, _number(ball.inertia_ratio, INERTIA_RATIO))
+
+    def ball_type(self) -> str:
+        """The type of the ball by the rules of the ITF, the usual one where none is stated.
+
+        Example:
+            >>> import fitball
+            >>> fitball.Scene().ball_type()
+            'type-2'
+        """
+        return self.ball.type or USUAL_TYPE
 
     def ball_sd(self) -> dict[str, float]:
         """Stated sds of mass [kg], radius [m] and inertia_ratio, by name. The sd of an inertia is
@@ -179,7 +189,9 @@ class Scene(SceneSection, frozen=True):
         }
         unstated = [name for name, stated in constants.items() if stated is None]
         if unstated:
-            tennis = "of a tennis ball (57.6 g, 33.02 mm, I/(M R^2) = 0.54)"
+            usual = Scene(ball=BallSection(type=ball.type)).ball_value()
+            size = f"{1e3 * usual.mass:g} g, {1e3 * usual.radius:g} mm"
+            tennis = f"of a tennis ball ({size}, I/(M R^2) = {usual.inertia_ratio:g})"
             yield "assumed-ball", f"the {listed(unstated)} {tennis}"
         if "mu" not in self.surface:
             yield "no-friction", "nothing of the friction: mu has a wide prior"

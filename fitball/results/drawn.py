@@ -79,7 +79,7 @@ class Drawn(Result):
         *,
         overwrite: bool = False,
         figures: bool | Literal["all"] = True,
-        command: str = "",
+        **_options: object,
     ) -> tuple[Path, ...]:
         """Write the figures beside what the folder has, in place of older ones of the same names,
         and return their paths. The options of other results have no effect.
@@ -98,7 +98,7 @@ class Drawn(Result):
         if not isinstance(folder, ResultFolder):
             # A run that writes into the folder of the fit is waited for.
             with result_folder(Path(folder), wait=WAIT) as locked:
-                return self.save(locked, overwrite=overwrite, figures=figures, command=command)
+                return self.save(locked, overwrite=overwrite, figures=figures)
         form = self.plotted.form
         # All are drawn before any is written.
         images = {f"{name}.{form}": image_bytes(self.plot(name), form) for name in self.names}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, ClassVar, ForwardRef
 
 from fitball.base.files import FIT_FILE
 from fitball.base.options import Names, Pairs, Watch, names_of, read_texts
-from fitball.base.values import Figure
+from fitball.base.values import DataFrame, Figure
 from fitball.data.read import TableSource
 from fitball.inference.fitted import Fitted
 from fitball.report.page import Layout
@@ -53,6 +54,41 @@ class Fit(Fitted, Result):
         fit = cls.__new__(cls)
         fit.__dict__.update(fitted.__dict__)
         return fit
+
+    @property
+    def frames(self) -> Mapping[str, DataFrame]:
+        """The frames that are saved as tables, by name; in `summary` what laboratory tests measured
+        comes first.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("synthetic_drop", model="rigid", point_only=True)
+            >>> fit.frames["summary"].index[0]
+            'cor_measured'
+        """
+        from fitball.uses.measured import with_measured
+
+        return {**super().frames, "summary": with_measured(self)}
+
+    @property
+    def budget(self) -> DataFrame:
+        """The uncertainty budgets of the results that data determine, with held constants, in SI: a
+        row a source, the last of a result its combined and expanded uncertainty, and that of a
+        Monte Carlo. Empty without a posterior.
+
+        Example:
+            >>> import fitball
+            >>> fit = fitball.calibrate("wang_zero_spin", model="brody", point_only=True)
+            >>> fit.budget.empty
+            True
+        """
+        from fitball.uses.budget import budgets
+
+        return budgets(self)
+
+    @property
+    def _sheets(self) -> Mapping[str, DataFrame]:
+        return {**self.frames, "budget": self.budget}
 
     @property
     def exit_code(self) -> int:

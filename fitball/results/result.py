@@ -14,6 +14,7 @@ from fitball.base.findings import Findings
 from fitball.base.numbers import counted
 from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure
+from fitball.base.workbook import WORKBOOK_FILE, workbook_bytes
 from fitball.report.blocks import Report
 from fitball.report.page import Layout, Page
 
@@ -132,15 +133,18 @@ class Result:
         *,
         overwrite: bool = False,
         figures: bool | Literal["all"] = True,
+        xlsx: bool = False,
         command: str = "",
     ) -> tuple[Path, ...]:
         """Write page, figures, frames and files, the record last, and return their paths. Figures
-        are those that the page shows unasked, or all that it has a place for. A `ResultFolder` is
-        locked already (the command line locks before a long run).
+        are those that the page shows unasked, or all that it has a place for; `xlsx` is for a
+        workbook `results.xlsx` of all frames. A `ResultFolder` is locked already (the command line
+        locks before a long run).
 
         Raises:
             FolderError: the folder is in use (`folder-in-use`), has an older result
                 (`older-result`), or cannot be made or written (`no-folder`, `not-written`).
+            ParameterError: a workbook is wanted without openpyxl (`no-openpyxl`).
 
         Example:
             >>> import fitball
@@ -150,17 +154,24 @@ class Result:
         """
         if not isinstance(folder, ResultFolder):
             with result_folder(Path(folder), overwrite=overwrite, record=self.record) as locked:
-                return self.save(locked, figures=figures, command=command)
+                return self.save(locked, figures=figures, xlsx=xlsx, command=command)
         from fitball.report.render import to_page
 
         images = self._images(figures)
         contents = {name: make() for name, make in self._layout.files().items()}
         contents |= {f"{name}.csv": csv_bytes(frame) for name, frame in self.frames.items()}
         contents |= {f"{name}.png": image for name, image in images.items()}
+        if xlsx:
+            contents[WORKBOOK_FILE] = workbook_bytes(self._sheets)
         contents[REPORT_FILE] = to_page(self._report, images, command).encode()
         # The record is last: where it is, all other files are.
         order = sorted(contents, key=lambda name: name == self.record)
         return folder.replace({name: contents[name] for name in order})
+
+    @property
+    def _sheets(self) -> Mapping[str, DataFrame]:
+        """The frames of a workbook by name of sheet."""
+        return self.frames
 
     def _images(self, figures: bool | Literal["all"]) -> dict[str, bytes]:
         """The figures of the page as PNG, by name."""

@@ -41,14 +41,45 @@ _SHAPE = 0.5
 
 
 class Means(NamedTuple):
-    """A `point` and draws of the mean of all groups; draws of `another` group, and of `each` group.
-    No draws where nothing is known of the noise, or there are no groups.
+    """A `point` and draws of the mean of all groups; draws of `another` group, and of `each` group;
+    `levels` of the groups by least squares. Variance components: draws of the sd `between` groups,
+    and of the sd of `repeats`; `by_chance` the probability that groups which are alike differ as
+    much (F test). No draws where nothing is known of the noise, or there are no groups; NaN where
+    there are no repeats.
     """
 
     point: float
     mean: Annotated[FloatArray, "draws"]
     another: Annotated[FloatArray, "draws_of_another"]
     each: Annotated[FloatArray, "groups group_draws"]
+    levels: Annotated[FloatArray, "groups"]
+    between: Annotated[FloatArray, "draws_of_spread"]
+    repeats: Annotated[FloatArray, "draws_of_noise"]
+    by_chance: float
+
+    def within(self, low: float, high: float, rng: np.random.Generator) -> Means:
+        """The same, given that all groups lie between these ends: draws that do not are replaced by
+        others that do.
+        """
+        each = [_within(draws, low, high, rng) for draws in self.each]
+        return self._replace(
+            mean=_within(self.mean, low, high, rng),
+            another=_within(self.another, low, high, rng),
+            each=np.array(each) if each else self.each,
+        )
+
+
+def _within(draws: FloatArray, low: float, high: float, rng: np.random.Generator) -> FloatArray:
+    """Draws (draws,) given that they lie between two ends; none if none does."""
+    outside = (draws < low) | (draws > high)
+    if not outside.any():
+        return draws
+    inside = draws[~outside]
+    if not inside.size:
+        return inside
+    limited = draws.copy()
+    limited[outside] = rng.choice(inside, int(outside.sum()))
+    return limited
 
 
 class _Values(NamedTuple):
@@ -113,7 +144,10 @@ def means(
         return _students_means(measured, rng, several=False)
     line = _fitted(measured)
     if line.freedom < REPEATS or line.noiseless:
-        return _students_means(measured.as_one_group(), rng, several=True)
+        pooled = _students_means(measured.as_one_group(), rng, several=True)
+        # The scatter of groups, with that of the one value of each.
+        between = _noises(_plain(measured.as_one_group())) if pooled.mean.size else pooled.mean
+        return pooled._replace(levels=line.levels, between=between)
     noises = _noises(line)
     if measured.stated:
         noises = np.maximum(noises, 1.0)
@@ -124,7 +158,27 @@ def means(
         mean=centre,
         another=np.concatenate([part.another for part in parts]),
         each=np.concatenate([part.each for part in parts], axis=1),
+        levels=line.levels,
+        between=np.concatenate([part.between for part in parts]),
+        repeats=_noises(_plain(measured)),
+        by_chance=_by_chance(measured),
     )
+
+
+def _by_chance(measured: _Values) -> float:
+    """The probability that groups which are alike differ as much as these: the F test of one line
+    for all of them against a level for each, by the scatter of the plain values.
+    """
+    from scipy.special import fdtrc
+
+    apart = _plain(measured)
+    alike = _plain(measured.as_one_group())
+    noise = apart.freedom * apart.sd**2
+    more = max(alike.freedom * alike.sd**2 - noise, 0.0)
+    groups = alike.freedom - apart.freedom
+    if not noise > 0.0 or groups < 1:
+        return np.nan
+    return float(fdtrc(groups, apart.freedom, more / groups / apart.sd**2))
 
 
 def _noises(line: _Line) -> FloatArray:
@@ -161,6 +215,10 @@ def _hierarchy_means(
         mean=pooled.centre[:count] + shift,
         another=pooled.new[:count] + shift,
         each=pooled.each[:, :of_each] + shift[:of_each],
+        levels=line.levels,
+        between=pooled.spread[:count],
+        repeats=np.array([noise]),
+        by_chance=np.nan,
     )
 
 
@@ -175,7 +233,7 @@ def _students_means(measured: _Values, rng: np.random.Generator, several: bool) 
     line = _fitted(measured)
     mean = float(line.levels[0])
     if line.freedom < 1 or (line.noiseless and not measured.stated):
-        return Means(mean, no_draws, no_draws, no_groups)
+        return Means(mean, no_draws, no_draws, no_groups, line.levels, no_draws, no_draws, np.nan)
     # Evenly spread: the interval is that of tables.
     probabilities = (rng.permutation(PREDICTION_DRAWS) + 0.5) / PREDICTION_DRAWS
     noise = line.sd
@@ -187,14 +245,17 @@ def _students_means(measured: _Values, rng: np.random.Generator, several: bool) 
     another = no_draws
     if several:
         another = mean + np.hypot(error, noise * line.scatter) * away
-    return Means(mean, mean + error * away, another, no_groups)
+    # Without groups their spread is none of its own: it is that of the values.
+    repeats = no_draws if several or line.noiseless else _noises(_plain(measured))
+    draws = mean + error * away
+    return Means(mean, draws, another, no_groups, line.levels, no_draws, repeats, np.nan)
 
 
 def _fitted(measured: _Values) -> _Line:
     """The line of values with the weights of their stated errors and of the scatter beyond these;
     all weights are one where an error is not stated.
     """
-    plain = _line(measured, np.ones(len(measured.y)), 1.0)
+    plain = _plain(measured)
     if not measured.stated or plain.freedom < 1:
         return plain
     smallest = _SMALLEST_SCATTER * float(measured.sd.min())
@@ -229,6 +290,11 @@ def _log_density(measured: _Values, scatter: float) -> float:
     if np.isfinite(line.squares):
         terms += np.log(line.squares)
     return float(_SHAPE * np.log(scatter) - 0.5 * terms)
+
+
+def _plain(measured: _Values) -> _Line:
+    """The line of values that all weigh the same."""
+    return _line(measured, np.ones(len(measured.y)), 1.0)
 
 
 def _line(measured: _Values, variances: FloatArray, scatter: float) -> _Line:

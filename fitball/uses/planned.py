@@ -11,6 +11,7 @@ import numpy as np
 from fitball.base.air import landing_speed
 from fitball.base.columns import COLUMNS, REBOUND
 from fitball.base.errors import ParameterError, suggestion
+from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import at_level
 from fitball.base.values import FloatArray, Impacts, IntArray
@@ -21,6 +22,7 @@ from fitball.inference.derived import Quantity
 from fitball.inference.fitted import Fitted
 from fitball.inference.forward import NEW_LEVEL, Values
 from fitball.models.model import Model
+from fitball.uses.machine import HEIGHT, machine_units, round_steps, speeds_of_heights
 
 # Steps of a range of which none are given.
 STEPS_OF_RANGES: Mapping[str, int] = {"v_1": 6, "theta_1": 15, "omega_1": 5}
@@ -78,7 +80,10 @@ def settings_of(fit: Fitted, words: Mapping[str, str], level: Mapping[str, str])
     """
     axes = _axes_of(fit)
     tangential = fit.problem.forward.model.tangential
-    values = [_axis_values(axis, words.get(axis.option, "")) for axis in axes]
+    units = machine_units(fit)
+    values = [_axis_values(axis, words.get(axis.option, ""), units[axis.column]) for axis in axes]
+    if HEIGHT in units and not words.get("speed") and values[0].size > 1:
+        values[0] = speeds_of_heights(fit, STEPS_OF_RANGES["v_1"])
     assumed = [axis.option for axis in axes if axis.varies and not words.get(axis.option)]
     keys = measured_levels(fit, level)
     count = len(keys)
@@ -117,9 +122,9 @@ def _axes_of(fit: Fitted) -> tuple[_Axis, _Axis, _Axis]:
     )
 
 
-def _axis_values(axis: _Axis, text: str) -> FloatArray:
-    """Values (steps,) of an axis in SI, of the range in words, or else of that measured. Raises
-    ParameterError (`impact`, `not-measured`).
+def _axis_values(axis: _Axis, text: str, unit: Unit) -> FloatArray:
+    """Values (steps,) of an axis in SI, of the range in words, or else round numbers in the unit of
+    the table, of that measured. Raises ParameterError (`impact`, `not-measured`).
     """
     span = Span(float(axis.measured.min()), float(axis.measured.max()))
     if text and not axis.varies:
@@ -130,10 +135,12 @@ def _axis_values(axis: _Axis, text: str) -> FloatArray:
         )
     if text:
         span = spans(f"{axis.column}={text}", "value range count")[axis.column]
-    steps = 1
-    if span.high > span.low:
+    if not span.high > span.low:
+        return np.array([span.low])
+    if text:
         steps = span.count if span.count > 1 else STEPS_OF_RANGES[axis.column]
-    return np.linspace(span.low, span.high, steps)
+        return np.linspace(span.low, span.high, steps)
+    return round_steps(span.low, span.high, STEPS_OF_RANGES[axis.column], unit)
 
 
 def measured_levels(

@@ -5,7 +5,7 @@ order.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import radians
+from math import radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +42,43 @@ STEP_SHARE = 0.01
 LEAST_SHIFT = 1e-3
 
 
+class Held(NamedTuple):
+    """A held constant with its `value` and range in SI; the `sd` that is stated or was measured,
+    zero where only a tolerance is known.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    sd: float
+
+    @property
+    def uncertainty(self) -> float:
+        """The standard uncertainty: the sd, else that of a rectangular distribution over the
+        range.
+        """
+        return self.sd if self.sd > 0.0 else (self.high - self.low) / sqrt(12.0)
+
+    def values(self, shares: FloatArray) -> FloatArray:
+        """The quantiles (values,) of its distribution at shares (values,) between 0 and 1."""
+        from scipy.special import ndtri
+
+        if self.sd > 0.0:
+            return np.asarray(self.value + self.sd * ndtri(shares))
+        return self.low + (self.high - self.low) * shares
+
+
+class Moved(NamedTuple):
+    """A held constant, and the change of a refit by one unit of it, to first order: `coordinates`
+    (parameters,) in sds of priors, and what it does `directly` to all quantities (quantities,).
+    """
+
+    held: Held
+    coordinates: FloatArray
+    directly: FloatArray
+
+
 def constants(
     problem: Problem,
     first: FirstOrder,
@@ -50,29 +87,44 @@ def constants(
     """The held constants of ball and camera that move any quantity. A shift is that of a refit, for
     derived quantities with what the constant does to them directly.
     """
-    rows, row_of_cell = np.unique(first.rows, return_inverse=True)
-    problem_of_rows = problem.on_rows(rows)
     along = slopes_of_all(problem, first, derived)
     errors = np.linalg.norm(along @ first.root, axis=1)
     names = [*first.names, *(quantity.spec.name for quantity in derived)]
     moving = []
-    for name, value, low, high in _ranges(problem):
-        rates = _rates(problem_of_rows, first.proposal.centre, derived, name, value, high - low)
-        reach = max(high - value, value - low)
-        mean = (rates.mean * reach)[row_of_cell]
-        moves = first.moves(-np.sum(first.whitening * mean, axis=1))
-        if problem.contact_time is not None:
-            row = first.slopes[first.residual.size]
-            in_sds = rates.time * reach / problem.contact_time[1]
-            moves = moves - first.root @ (first.root.T @ row) * in_sds
-        directly = np.concatenate([np.zeros(len(first.names)), rates.derived * reach])
-        shifts = along @ moves + directly
+    for held, coordinates, directly in moves_of_constants(problem, first, derived):
+        reach = max(held.high - held.value, held.value - held.low)
+        shifts = (along @ coordinates + directly) * reach
         shifts = np.divide(shifts, errors, out=np.zeros(len(names)), where=errors > 0.0)
         by_name = zip(names, shifts.tolist(), strict=True)
         shift_of = {quantity: shift for quantity, shift in by_name if np.isfinite(shift)}
         if max(map(abs, shift_of.values())) > LEAST_SHIFT:
-            moving.append(Constant(name, low, high, shift_of))
+            moving.append(Constant(held.name, held.low, held.high, shift_of))
     return tuple(moving)
+
+
+def moves_of_constants(
+    problem: Problem,
+    first: FirstOrder,
+    derived: Sequence[Quantity],
+) -> Iterator[Moved]:
+    """What each held constant moves. Quantities are the parameters that are no noise, then derived
+    ones.
+    """
+    rows, row_of_cell = np.unique(first.rows, return_inverse=True)
+    problem_of_rows = problem.on_rows(rows)
+    none = np.zeros(len(first.names))
+    for held in _ranges(problem):
+        extent = held.high - held.low
+        rates = _rates(
+            problem_of_rows, first.proposal.centre, derived, held.name, held.value, extent
+        )
+        mean = rates.mean[row_of_cell]
+        moves = first.moves(-np.sum(first.whitening * mean, axis=1))
+        if problem.contact_time is not None:
+            row = first.slopes[first.residual.size]
+            in_sds = rates.time / problem.contact_time[1]
+            moves = moves - first.root @ (first.root.T @ row) * in_sds
+        yield Moved(held, moves, np.concatenate([none, rates.derived]))
 
 
 class _Rates(NamedTuple):
@@ -120,8 +172,8 @@ def _rates(
     return _Rates(mean, float(slopes[cell_count]), slopes[cell_count + 1 :])
 
 
-def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
-    """The name, value and range of each held constant, in SI.
+def _ranges(problem: Problem) -> Iterator[Held]:
+    """The held constants with their ranges.
 
     For a ball the range is two stated sds, else the ITF's tolerance, or what shells allow, for a
     camera its reach. Of a ball that is no tennis ball only what the scene states is known.
@@ -146,11 +198,11 @@ def _ranges(problem: Problem) -> Iterator[tuple[str, float, float, float]]:
             low = value - STATED_SDS * sd
             high = value + STATED_SDS * sd
         if name not in problem.free and low <= value <= high and low < high:
-            yield name, value, low, high
+            yield Held(name, value, low, high, sd or 0.0)
     bases = {parameter.spec.name.partition("[")[0] for parameter in problem.parameters}
     if problem.forward.model.tangential and "tilt" not in bases:
         held["tilt"] = 0.0
     for name, value in held.items():
         reach = CAMERA_REACHES.get(name.partition("[")[0])
         if reach is not None:
-            yield name, value, value - reach, value + reach
+            yield Held(name, value, value - reach, value + reach, 0.0)
