@@ -327,4 +327,4 @@ def _refitted(posed: Problem, begin: FloatArray) -> FloatArray:
     where the model has no answer. A search that ends at a kink of the model counts.
     """
     x, cost, _ = descend(Objective(posed), begin[None], _CONVERGED)
-    return np.where(np.isfinite(cost)[:, None], x, np.nan)[0]
+    return np.asarray(np.where(np.isfinite(cost)[:, None], x, np.nan)[0])
