@@ -3,11 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from openpyxl import load_workbook
 from support.fit_by_hand import table_of
 from support.fits import best
 
 import fitball
+from fitball.base.workbook import workbook_bytes
 from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference.judgement.constants import moves_of_constants
 from fitball.inference.judgement.first_order import first_order
@@ -97,3 +100,23 @@ def test_drawn_constants_fill_their_strata_and_do_not_go_together():
             np.testing.assert_allclose(np.sort(row), (np.arange(64) + 0.5) / 64)
         together = np.atleast_2d(np.corrcoef(shares)) - np.eye(constants)
         assert np.abs(together).max() < 0.16
+
+
+def test_a_workbook_has_the_results_and_the_budget(tmp_path):
+    fit = fitball.load_fit(STORED)
+    fit.save(tmp_path / "fit", figures=False, xlsx=True)
+    book = load_workbook(tmp_path / "fit" / "results.xlsx")
+    assert book.sheetnames[0] == "summary"
+    heads = [cell.value for cell in book["budget"][1]]
+    frame = fit.budget
+    assert heads == list(frame.columns)
+    rows = list(book["budget"].iter_rows(min_row=2, values_only=True))
+    assert len(rows) == len(frame)
+    contributions = [row[heads.index("contribution")] for row in rows]
+    np.testing.assert_allclose(contributions, frame["contribution"].to_numpy(float))
+    # No cell is a formula, and what is no number is empty.
+    text = pd.DataFrame({"name": ["=1+1"], "value": [np.nan], "count": [3], "open": [np.inf]})
+    (tmp_path / "odd.xlsx").write_bytes(workbook_bytes({"odd": text}))
+    cells = load_workbook(tmp_path / "odd.xlsx")["odd"][2]
+    assert [cell.value for cell in cells] == ["'=1+1", None, 3, None]
+    assert {cell.data_type for cell in cells} <= {"s", "n"}

@@ -208,7 +208,7 @@ def test_the_page_of_a_plan():
     for row in rows_of(report, "now"):
         assert row["unit"] == {"offset": "mm", "mu": ""}[row[""]]
         assert shows(row["now"], target.loc[row[""], "now"], row["unit"])
-    words = re.findall(r"at (\S+) degrees", report.summary[0].lines[0])
+    words = re.findall(r"at (\S+) deg,", report.summary[0].lines[0])
     assert words and {*words} <= {"20", "60"}
 
 
