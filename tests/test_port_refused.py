@@ -23,7 +23,7 @@ from fitball.models.specs import SPECS
 
 COLUMNS = ("mu", "cor_10", "cor_slope", "ball_mass", "ball_radius", "inertia_ratio")
 PORTED = {"c", "csharp", "javascript", "esm", "types", "python", "gdscript", "golden", "page"}
-OF_FITS = {"latex", "markdown", "arviz"}
+OF_FITS = {"latex", "siunitx", "markdown", "arviz"}
 FUNCTION = """import numpy as np
 
 

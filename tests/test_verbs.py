@@ -64,23 +64,28 @@ def test_a_verb_reads_the_fit_of_a_folder_with_its_model(verb, monkeypatch):
 
 def test_export_hands_on_every_option(fit, monkeypatch):
     room = replaced(monkeypatch, "fitball.exports.export", {"a.txt": "text"})
+    usual = {"level": {}, "fix": {}, "at": "", "engine": "", "medians": False, "chosen": []}
     options = {"level": {"surface": "clay"}, "at": "v_1=17"}
     for exported in (fit.export(to="c", **options), fitball.export(fit, to="c", **options)):
         assert exported.contents == {"a.txt": "text"}
-        room.assert_called_with(fit, "c", fix={}, engine="", medians=False, **options)
+        room.assert_called_with(fit, "c", **usual | options)
     model = fitball.model("brody")
     fitball.export(model=model, to="c", fix={"mu": 0.5}, at="v_1=17")
-    expected = {"level": {}, "fix": {"mu": 0.5}, "at": "v_1=17", "engine": "", "medians": False}
-    room.assert_called_with(model, "c", **expected)
+    room.assert_called_with(model, "c", **usual | {"fix": {"mu": 0.5}, "at": "v_1=17"})
     fitball.export(fit, to="engine", engine="mujoco", medians=True)
-    expected = {"level": {}, "fix": {}, "at": "", "engine": "mujoco", "medians": True}
-    room.assert_called_with(fit, "engine", **expected)
+    room.assert_called_with(fit, "engine", **usual | {"engine": "mujoco", "medians": True})
+    fitball.export(fit, to="latex", parameters="mu,cor_10")
+    room.assert_called_with(fit, "latex", **usual | {"chosen": ["mu", "cor_10"]})
 
 
-def test_plot_hands_on_names_and_format(fit, monkeypatch):
+def test_plot_hands_on_names_format_width_and_what_is_chosen(fit, monkeypatch):
     room = replaced(monkeypatch, "fitball.report.plotted.choose_figures")
-    assert fitball.plot(fit, "curves,corner", format="svg").plotted is NOTHING
-    room.assert_called_once_with(fit, ["curves", "corner"], "svg")
+    options = {"parameters": "mu,cor_10", "columns": "v_x2", "groups": "clay", "width": "127mm"}
+    assert fitball.plot(fit, "curves,corner", format="svg", **options).plotted is NOTHING
+    (of, names, kind, chosen, inches) = room.call_args[0]
+    assert (of, names, kind) == (fit, ["curves", "corner"], "svg")
+    assert chosen == (("mu", "cor_10"), ("v_x2",), ("clay",))
+    assert inches == pytest.approx(5.0)
 
 
 def bound(result, page):
@@ -208,13 +213,14 @@ def test_batch_hands_on_all(all_files, drawn, monkeypatch, tmp_path):
         seed=7,
         cores=3,
         point_only=True,
+        xlsx=all_files,
     )
     (data, task, scheduler, _) = room.call_args[0]
     assert (data, scheduler) == ("a.csv", "tcp://a")
     assert (task.overwrite, task.figures) == (True, drawn)
     assert task.options["noise"] == "student-t"
     assert (task.effort.seed, task.effort.cores, task.effort.point_only) == (7, 3, True)
-    batch.save.assert_called_once_with(task.folder, figures=False)
+    batch.save.assert_called_once_with(task.folder, figures=False, xlsx=all_files)
 
 
 def test_what_did_not_converge_has_exit_code_1():

@@ -98,17 +98,15 @@ def dress(
         disc.dress(light, look)
 
 
-def _turned(
-    place: Annotated[FloatArray, "2 any"], angle: FloatArray | float
-) -> Annotated[FloatArray, "2 any"]:
-    """Places of the ball turned back by an angle counterclockwise in the picture."""
+def _turned(place: FloatArray, angle: FloatArray | float) -> FloatArray:
+    """Places of the ball (2, ...) turned back by an angle counterclockwise in the picture."""
     cos, sin = np.cos(angle), np.sin(angle)
     u, v = place
     return np.stack([cos * u - sin * v, sin * u + cos * v])
 
 
-def _shades(place: Annotated[FloatArray, "2 any"]) -> Annotated[FloatArray, "9 any"]:
-    """The functions of brightness of the kernel (`kernels.SHADES`)."""
+def _shades(place: FloatArray) -> FloatArray:
+    """The functions of brightness (9, ...) of the kernel (`kernels.SHADES`) at places (2, ...)."""
     u, v = place
     h = np.sqrt(np.maximum(1.0 - u * u - v * v, 0.0))
     return np.stack([np.ones_like(u), u, v, h, u * v, u * h, v * h, u * u - v * v, 3 * h * h - 1])
@@ -157,9 +155,7 @@ def _map(
     return np.stack(factors)
 
 
-def _sampled(
-    look: Annotated[FloatArray, "channels n n"], place: Annotated[FloatArray, "2 any"]
-) -> Annotated[FloatArray, "channels any"]:
-    """A look at places of the disc."""
+def _sampled(look: Annotated[FloatArray, "channels n n"], place: FloatArray) -> FloatArray:
+    """A look (channels, ...) at places (2, ...) of the disc."""
     at = (place[::-1] + kernels.LOOK) * _PLACES_PER_RADIUS
     return np.stack([map_coordinates(channel, at, order=1, mode="nearest") for channel in look])
