@@ -46,7 +46,6 @@ NODE_PACKAGES = {
 # Engines that settings do not help, tried with them at 60 Hz: least root mean squares of v_x2, v_y2
 # [m/s] and omega_2 [rad/s] that are seen, 0 where they are those of an ideal sphere.
 MISSED = {
-    "rapier": (1.5, 0.0, 100.0),
     "p2": (3.0, 0.0, 100.0),
     "oimo": (0.0, 3.0, 0.0),
     "matter": (3.0, 0.0, 100.0),
@@ -55,8 +54,7 @@ MISSED = {
 CHIPMUNK = Path("/usr/include/chipmunk/chipmunk.h")
 # Shares of a step at which a ball touches.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
-# Steps a second at which balls rest and at which ports are run, where they are not the first of
-# those that the row has.
+# Steps a second at which balls rest and at which ports are run, where they are not 60.
 REST_RATE = {
     "mujoco": 4000,
     "pybullet": 240,

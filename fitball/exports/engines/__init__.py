@@ -23,7 +23,7 @@ class Engine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `friction` say how those of ball and court combine. `seen` are root mean squares of rebounds
     less the model, v_x2 and v_y2 [m/s], omega_2 [rad/s], by steps a second. `recipe`, with
     settings, and `port`, with a port in their place, are files of `recipes`, whose ending is their
-    language; empty without one.
+    language; empty without one. `install` is the command that installs the version.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Engine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rest: str
     recipe: str
     port: str = ""
+    install: str = ""
     seen: Mapping[str, tuple[float, float, float]] = {}
 
 

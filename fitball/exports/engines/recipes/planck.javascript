@@ -14,4 +14,6 @@ ball.setMassData({ mass: @mass@, center: { x: 0, y: 0 }, I: @inertia@ * SCALE **
 const court = world.createBody();
 const line = new Edge({ x: -50 * SCALE, y: 0 }, { x: 50 * SCALE, y: 0 });
 court.createFixture({ shape: line, restitution: 0, friction: @mu@ });
-// 60 times a second: world.step(1 / 60)
+// A hit with topspin: ball.setLinearVelocity({ x: 20 * SCALE, y: -8 * SCALE });
+// ball.setAngularVelocity(-200). A file of this is run by node if it ends in .mjs.
+// 60 times a second: world.step(1 / 60); the height in m is ball.getPosition().y / SCALE

@@ -26,4 +26,6 @@ world.on("begin-contact", (contact) => {
     ball.setLinearVelocity({ x: found.v_x2 * SCALE, y: found.v_y2 * SCALE });
     ball.setAngularVelocity(-found.omega_2);
 });
-// 60 times a second: world.step(1 / 60)
+// A hit with topspin: ball.setLinearVelocity({ x: 20 * SCALE, y: -8 * SCALE });
+// ball.setAngularVelocity(-200). A file of this is run by node if it ends in .mjs.
+// 60 times a second: world.step(1 / 60); the height in m is ball.getPosition().y / SCALE
