@@ -8,12 +8,14 @@ import re
 import numpy as np
 import pytest
 from support import engines as of_engines
+from support import ports
 
 import fitball
 from fitball.base.errors import FitballError
 from fitball.exports import engine, engine_page
 from fitball.exports.engines import chosen, engines
 from fitball.exports.parameter_set import set_of_model
+from fitball.exports.ports import port
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +117,37 @@ def test_an_engine_that_does_not_exist_gets_the_list_and_the_nearest(wang):
     text = str(caught.value)
     assert "'mujoco'" in text
     assert all(key in text for key in engines())
+
+
+def test_impacts_to_try_are_those_of_the_port_in_axes_of_an_engine(wang, exported):
+    """Flat and with topspin: angular velocities of engines are the opposite of topspin."""
+    text = engine_page.settings_page([wang], "", "pymunk")
+    rows = {
+        line.split("|")[1].strip(): line
+        for line in text.splitlines()
+        if line.startswith("| ") and "), " in line
+    }
+    assert [*rows] == ["drop from 1 m", "flat", "topspin", "backspin"]
+    module = ports.module(port([wang], "python"))
+    own = exported["sets"][0]["settings"][-1]
+    for name, omega in (("flat", 0.0), ("topspin", 200.0), ("backspin", -200.0)):
+        numbers = [float(number) for number in re.findall(r"-?\d+\.?\d*", rows[name])]
+        assert numbers[:3] == [20.0, -8.0, -omega]
+        rebound = module.rebound(20.0, 8.0, omega, module.BALL)
+        assert numbers[3:5] == pytest.approx([rebound.v_x2, rebound.v_y2], abs=0.006)
+        assert numbers[5] == pytest.approx(-rebound.omega_2, abs=0.6)
+        # A sphere that slides loses mu (1 + e) v_y1, at most what stops its slip.
+        slip = (20.0 - 0.03302 * omega) * 0.56 / 1.56
+        lost = min(own["mu"] * (1.0 + own["e"]) * 8.0, slip)
+        assert numbers[6:8] == pytest.approx([20.0 - lost, 8.0 * own["e"]], abs=0.006)
+        assert numbers[8] == pytest.approx(-omega - lost / (0.56 * 0.03302), abs=0.6)
+
+
+def test_what_a_row_installs_is_its_version():
+    for key, one in engines().items():
+        package, _, version = one.install.rpartition("@" if "npm" in one.install else "==")
+        assert version in one.version or not package, key
+        assert bool(one.install) >= bool(one.recipe or one.port), key
 
 
 def test_one_engine_alone(wang):

@@ -379,6 +379,16 @@ def test_every_format_is_made_without_a_fit(form):
     assert len(content(exported)) > 100
 
 
+@pytest.mark.parametrize(
+    ("ending", "form"), [("js", "javascript"), (".py", "python"), ("gd", "gdscript"), ("h", "c")]
+)
+def test_the_ending_of_a_file_leads_to_its_format(ending, form):
+    with pytest.raises(FitballError) as caught:
+        fitball.export(to=ending, model="two-mass", fix={"mu": "literature:grass"})
+    assert caught.value.code == "unknown-format"
+    assert f"'{form}'" in str(caught.value)
+
+
 def test_the_command_line_prints_or_writes_the_file_alone(tmp_path, capsys):
     words = ("export", "--model", "brody", "--fix", "mu=literature:clay", "--to", "json")
     as_engine = (*words[:-1], "engine")

@@ -43,6 +43,7 @@ const document = {
     getElementById: id => PAGE.includes(id) ? nodes[id] ??= new Node(id) : null,
     createElementNS: () => new Node(), createElement: () => new Node(),
 };
+const addEventListener = () => {};
 """
 
 
@@ -122,6 +123,22 @@ def test_the_page_computes_the_rebounds_of_the_model(levelled):
         assert rebound["omega_2"] == pytest.approx(exact.omega_2[0], rel=1e-12)
         shown = float(cells[0].replace("\u2212", "-"))
         assert shown == pytest.approx(exact.v_x2[0], abs=0.006)
+
+
+def test_the_table_has_the_rebound_of_an_engine_beside_that_of_the_port(levelled):
+    page = Page(levelled.export(to="page", at="v_1=20, theta_1=30, omega_1=0"))
+    column = 'place("rebound").rows.map(row => row.cells[3].textContent)'
+    how, own, cells = run(
+        page, f"console.log(JSON.stringify([settings.spheres[0], levels[0], {column}]))"
+    )
+    v_x1, v_y1 = 20.0 * math.cos(math.radians(30.0)), 10.0
+    a = own["inertia_ratio"]
+    lost = min(how["mu"] * (1.0 + how["e"]) * v_y1, v_x1 * a / (1.0 + a))
+    v_x2, v_y2, _, _, rpm, e = (float(cell.replace("\u2212", "-")) for cell in cells)
+    assert v_x2 == pytest.approx(v_x1 - lost, abs=0.006)
+    assert v_y2 == pytest.approx(how["e"] * v_y1, abs=0.006)
+    assert rpm == pytest.approx(lost / (a * own["ball_radius"]) * 30.0 / math.pi, abs=0.6)
+    assert e == pytest.approx(how["e"], abs=6e-4)
 
 
 def test_the_page_draws_the_way_by_the_port_and_that_of_an_engine(levelled):

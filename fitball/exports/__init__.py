@@ -79,6 +79,14 @@ FORMATS: Mapping[str, Format] = {
 }
 
 
+def _meant(to: str) -> str:
+    """The format that a name which is none could mean: that of files with this ending, as `js`."""
+    for name, form in FORMATS.items():
+        if form.file.endswith(f".{to.lstrip('.').casefold()}"):
+            return f"did you mean '{name}'?"
+    return suggestion(to, FORMATS)
+
+
 def export(
     source: Fitted | Model,
     to: str,
@@ -114,7 +122,7 @@ def export(
         FitError: a point fit has no draws (`no-draws`).
     """
     if to not in FORMATS:
-        raise ParameterError(f"unknown format '{to}': {suggestion(to, FORMATS)}", "unknown-format")
+        raise ParameterError(f"unknown format '{to}': {_meant(to)}", "unknown-format")
     form = FORMATS[to]
     fit = source if isinstance(source, Fitted) else None
     with_impact = [name for name, other in FORMATS.items() if other.takes_impact]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
+import numpy as np
 
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import DEG
@@ -19,8 +20,10 @@ from fitball.exports.engine import (
     inertias,
     is_outside,
     limits,
+    model_rebounds,
     operating_point,
     settings,
+    sphere,
     spring,
 )
 from fitball.exports.engines import Engine, chosen, recipe
@@ -36,6 +39,18 @@ _WORKS = {
     "fine steps": "by settings, with fine steps",
     "port": "by the port only",
 }
+# Impacts that a developer tries first: v_x1, v_y1 [m/s], omega_1 [rad/s].
+_TRIES = (
+    ("drop from 1 m", 0.0, 4.43, 0.0),
+    ("flat", 20.0, 8.0, 0.0),
+    ("topspin", 20.0, 8.0, 200.0),
+    ("backspin", 20.0, 8.0, -200.0),
+)
+_AXES = (
+    "Velocity (x, y) [m/s] and angular velocity [rad/s] of the engine just before and after the "
+    "contact: x along the court, y up, turns from x to y. Topspin of a ball that flies to +x is "
+    "negative. An engine by settings comes as near to its column as the table of engines says."
+)
 # How many times faster than a step an engine's friction stops a slip: MuJoCo's `solreffriction`.
 _SLIP_RATE = 0.75
 
@@ -189,6 +204,7 @@ def settings_page(sets: Sequence[ParameterSet], at: str, engine: str = "") -> st
     time = contact_duration(parameters, point)
     numbers = numbers_of(parameters, of_inertias[-1], time)
     sections = [
+        Section("Try it", [Text([_AXES]), _tries(parameters, of_inertias[-1])]),
         Section("Limits", [Text(_REASONS, "list"), Table("", reaches)]),
         Section("Engines", [Text(_ADVICE, "list"), *_engine_tables(engines.values())]),
         *_recipe_sections(engines, recipes(numbers, time, engines), ""),
@@ -219,16 +235,43 @@ def setting_row(
     return row
 
 
+def _tries(parameters: ParameterSet, setting: EngineSettings) -> Table:
+    """What a ball must do at impacts that a developer tries first, by the port and by settings."""
+    tangential = parameters.model.tangential
+    tries = _TRIES if tangential else _TRIES[:1]
+    impacts = Impacts(*np.array([numbers for _, *numbers in tries]).T)
+    radius = parameters.values["ball_radius"]
+    of_port = model_rebounds(parameters, impacts)
+    if not tangential:
+        of_port |= {"v_x2": impacts.v_x1, "omega_2": impacts.omega_1}
+    of_settings = sphere(setting.e, setting.mu, setting.inertia, radius, impacts)
+    rows = list[dict[str, str]]()
+    for k, (name, v_x1, v_y1, omega_1) in enumerate(tries):
+        row = {"hit": name, "before": _motion(v_x1, -v_y1, omega_1)}
+        for head, after in (("after, port", of_port), ("after, settings", of_settings)):
+            v_x2, v_y2, omega_2 = (float(after[column][k]) for column in OUTPUTS)
+            row[head] = _motion(v_x2, v_y2, omega_2)
+        rows.append(row)
+    return Table("", rows, {*rows[0]})
+
+
+def _motion(v_x: float, v_y: float, omega: float) -> str:
+    """Velocity and angular velocity, as engines have them, of a ball with topspin `omega`."""
+    return f"({fixed(v_x, 2)}, {fixed(v_y, 2)}), {fixed(0.0 - omega, 0)}"
+
+
 def _limits_row(parameters: ParameterSet, setting: EngineSettings, time: float) -> dict[str, str]:
     """The row of a set in the table of limits."""
     limit = limits(parameters, setting, time)
+    # A ball of drop tests has no spin.
+    tangential = parameters.model.tangential
     return {
         "surface, ball": parameters.label,
-        "spin at least [rad/s]": fixed(limit.spin_at_least, 0),
+        "spin at least [rad/s]": fixed(limit.spin_at_least, 0) if tangential else "",
         "bounces from [m/s]": fixed(limit.speed_threshold, 2),
         "step, contact [ms]": f"{1e3 * limit.contact:.2g}",
         "step, lever [ms]": f"{1e3 * limit.lever:.2g}",
-        "step, rotation [ms]": f"{1e3 * limit.rotation:.2g}",
+        "step, rotation [ms]": f"{1e3 * limit.rotation:.2g}" if tangential else "",
     }
 
 
@@ -293,12 +336,14 @@ def _recipe_sections(
     engines: Mapping[str, Engine], codes: Mapping[str, str], head: str
 ) -> list[Section]:
     """The recipes, each under the name and version of its engine, behind a `head`."""
-    return [
-        Section(
-            f"{head}{engines[key].name}: {engines[key].version}", [Text(code.splitlines(), "code")]
-        )
-        for key, code in codes.items()
-    ]
+    sections = list[Section]()
+    for key, code in codes.items():
+        one = engines[key]
+        content: list[Block] = [Text(code.splitlines(), "code")]
+        if one.install:
+            content.insert(0, Text([f"Install: `{one.install}`"]))
+        sections.append(Section(f"{head}{one.name}: {one.version}", content))
+    return sections
 
 
 _REASONS = (

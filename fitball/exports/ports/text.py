@@ -300,7 +300,7 @@ def _head(sets: Sequence[ParameterSet], names: Sequence[str]) -> list[str]:
             basis = f"measured from v_y1 = {low:.4g} to {high:.4g} m/s"
         sentences.append(f"{name}: {parameters.label or 'the ball'}, {basis}.")
         for parameter, text in parameters.sources.items():
-            sentences.append(f"{parameter} of {name}: {text}.")
+            sentences.append(f"{parameter} of {name}: {text.removesuffix('.')}.")
     sentences.append("")
     for spec in first.model.specs.values():
         sentences.append(f"{spec.name} [{spec.unit or 1}]: {spec.meaning}.")

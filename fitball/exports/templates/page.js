@@ -70,20 +70,21 @@ function flight(before, after) {
 
 function table(before, after) {
     const [v_x, v_y, omega] = before, body = place("rebound"), angle = (y, x) => Math.atan2(y, x) * DEG;
+    const [x2, y2, spin] = sphere(...before, settings.spheres[level], parameters(state));
     const rows = settings.tangential ? [
-        ["v_x, along the court [m/s]", v_x, after.v_x2, 2], ["v_y, towards it, then away [m/s]", v_y, after.v_y2, 2],
-        ["speed [m/s]", Math.hypot(v_x, v_y), Math.hypot(after.v_x2, after.v_y2), 2],
-        ["angle to the court [deg]", angle(v_y, v_x), angle(after.v_y2, after.v_x2), 1],
-        ["spin, topspin positive [rpm]", omega * RPM, after.omega_2 * RPM, 0],
-    ] : [["v_y, towards the court, then away [m/s]", v_y, after.v_y2, 2]];
+        ["v_x, along the court [m/s]", v_x, after.v_x2, x2, 2], ["v_y, towards it, then away [m/s]", v_y, after.v_y2, y2, 2],
+        ["speed [m/s]", Math.hypot(v_x, v_y), Math.hypot(after.v_x2, after.v_y2), Math.hypot(x2, y2), 2],
+        ["angle to the court [deg]", angle(v_y, v_x), angle(after.v_y2, after.v_x2), angle(y2, x2), 1],
+        ["spin, topspin positive [rpm]", omega * RPM, after.omega_2 * RPM, spin * RPM, 0],
+    ] : [["v_y, towards the court, then away [m/s]", v_y, after.v_y2, y2, 2]];
     body.replaceChildren();
-    for (const [name, first, second, digits] of rows) {
+    for (const [name, first, second, other, digits] of rows) {
         const row = body.insertRow();
-        for (const cell of [name, number(first, digits), number(second, digits), number(second - first, digits)]) row.insertCell().textContent = cell;
+        for (const cell of [name, number(first, digits), number(second, digits), number(other, digits)]) row.insertCell().textContent = cell;
         row.cells[0].className = "left";
     }
     const row = body.insertRow(), time = after.contact_time;
-    for (const cell of ["restitution, v_y2/v_y1", "", number(after.v_y2 / v_y, 3), ""]) row.insertCell().textContent = cell;
+    for (const cell of ["restitution, v_y2/v_y1", "", number(after.v_y2 / v_y, 3), number(y2 / v_y, 3)]) row.insertCell().textContent = cell;
     row.cells[0].className = "left";
     place("other").textContent = `${number(3.6 * state.speed, 0)} km/h, ${number(state.speed / 0.44704, 0)} mph; v_y1 = ${number(v_y, 1)} m/s`
         + (time > 0 ? `; contact ${number(1e3 * time, 2)} ms` : "");
@@ -196,9 +197,12 @@ function ways(before) {
     const own = parameters(state), how = settings.spheres[level], svg = place("way");
     const fitted = wayOfPort(before, own), other = wayOfSphere(before, own, how), all = [...fitted, ...other];
     const left = Math.min(...all.map(([x]) => x), -0.5), right = Math.max(...all.map(([x]) => x), 0.5), high = Math.max(...all.map(([, y]) => y), 0.5);
-    const px = x => 20 + 680 * (x - left) / (right - left), py = y => 160 - 145 * y / high;
+    // A unit is a pixel, so that numbers are read on phones too.
+    const width = svg.clientWidth || 720;
+    svg.setAttribute("viewBox", `0 0 ${width} 190`);
+    const px = x => 20 + (width - 40) * (x - left) / (right - left), py = y => 160 - 145 * y / high;
     svg.replaceChildren();
-    draw(svg, "line", { x1: 0, x2: 720, y1: 160, y2: 160, stroke: "currentColor", "stroke-width": 2 });
+    draw(svg, "line", { x1: 0, x2: width, y1: 160, y2: 160, stroke: "currentColor", "stroke-width": 2 });
     for (const [value, text] of ticks(left, right)) draw(svg, "text", { x: px(value), y: 178, "text-anchor": "middle" }, `${text} m`);
     const line = way => way.map(([x, y], k) => `${k ? "L" : "M"}${px(x).toFixed(1)},${py(y).toFixed(1)}`).join("");
     draw(svg, "path", { d: line(other), fill: "none", stroke: "var(--blue)", "stroke-width": 2, "stroke-dasharray": "6 4" });
@@ -251,4 +255,5 @@ for (const name of names) {
 if (place("level")) place("level").addEventListener("change", () => { level = Number(place("level").value); reset(false); });
 place("controls").addEventListener("submit", event => event.preventDefault());
 place("reset").addEventListener("click", () => reset(true));
+addEventListener("resize", show);
 reset(true);
