@@ -78,6 +78,15 @@ def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):
         assert row["unit"] == unit.name
 
 
+def test_what_the_user_derives_is_shown_where_room_is_short():
+    asked = fit_by_hand()
+    assert fit_tables.main_table(asked, 3).rows[0]["parameter"] != "court_pace"
+    asked.run.choices.derive["court_pace"] = "44 + mu"
+    rows = fit_tables.main_table(asked, 3).rows
+    assert rows[0]["parameter"] == "court_pace"
+    assert len(rows) <= 4
+
+
 def test_what_moves_a_value_has_its_own_column(fit):
     rests = {row["parameter"]: row["rests on"] for row in fit_tables.main_table(fit, 30).rows}
     assert rests["mu"] == "offset=contact (2.6 sd) and 1 more"

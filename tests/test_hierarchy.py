@@ -43,6 +43,25 @@ def normal_quantiles(count):
     return norm.ppf((np.arange(count) + 0.5) / count)
 
 
+def test_populations_within_ends_are_truncated():
+    """Centre and groups near an end: quantiles of the draws between the ends, and none beyond."""
+    groups = [measured_group(value, 0.05) for value in (0.9, 0.97, 0.93)]
+    rng = np.random.default_rng(3)
+    free = hierarchy(groups, half_t(0.05), rng)
+    kept = free.within(0.0, 1.0, rng)
+    for name in ("centre", "new", "each"):
+        before, after = getattr(free, name), getattr(kept, name)
+        assert before.max() > 1.0
+        assert after.shape == before.shape
+        assert after.max() <= 1.0
+    inside = free.new[(free.new >= 0.0) & (free.new <= 1.0)]
+    assert np.quantile(kept.new, (0.1, 0.5, 0.9)) == pytest.approx(
+        np.quantile(inside, (0.1, 0.5, 0.9)), abs=0.01
+    )
+    # Groups that all lie beyond an end are not moved.
+    assert free.within(2.0, 3.0, rng) is free
+
+
 def test_centre_spread_and_groups_are_those_of_an_integral():
     """Given tau the centre is normal (Gelman et al., Bayesian Data Analysis, sect. 5.4); the rest
     is one integral.

@@ -236,6 +236,21 @@ def test_a_scene_made_in_python_has_the_same_limits(parts, key):
     assert [*refused(lambda: Scene(**parts))] == [key]
 
 
+def test_sections_of_a_scene_made_in_python_may_be_dicts():
+    scene = Scene(
+        ball={"mass": {"value": 0.0577, "sd": 0.0002}},
+        camera={"fps": 240.0, "tilt": {"value": 0.0, "sd": 0.005}},
+        surface={"mu": {"value": 0.7, "sd": 0.1}},
+    )
+    assert scene == Scene(
+        ball=BallSection(mass=ValueWithSd(0.0577, 0.0002)),
+        camera=CameraSection(fps=240.0, tilt=ValueWithSd(0.0, 0.005)),
+        surface={"mu": ValueWithSd(0.7, 0.1)},
+    )
+    assert [*refused(lambda: Scene(camera={"fold": 1.5}))] == ["camera.fold"]
+    assert [*refused(lambda: Scene(camera={"frames": 240.0}))] == ["camera.frames"]
+
+
 def test_every_noise_of_the_registry_may_be_held_or_nominal():
     for column in COLUMNS.values():
         if column.noise:

@@ -195,8 +195,8 @@ def _notes(tables: DataFrame) -> Iterator[Note]:
     without = int((tables["status"] == "point only").sum())
     if without >= LEAST_GROUPS:
         text = (
-            f"{without} tables have no posterior (--point-only), which means over tables need: "
-            "leave the option out for them"
+            f"{without} tables have no posterior (--point-only), which means of parameters over "
+            "tables need: leave the option out for them"
         )
         yield Note("no-posterior", f"{text}.")
 

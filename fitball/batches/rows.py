@@ -51,6 +51,9 @@ HEAD = (
 _KINDS = ("model", "level", "derived")
 # Sds of a normal distribution in its 95 % interval.
 _SDS_IN_INTERVAL = 3.92
+# Restitutions, whatever they are called: all lie within these ends.
+_RESTITUTIONS = ("cor_10", "cor_median", "cor_254cm", "cor_measured")
+_RESTITUTION_ENDS = (0.0, 1.0)
 # Times that tables far from the population are drawn anew at most: once is mostly enough.
 _MOST_STEPS = 5
 # What the columns of a quantity end with: its value, the ends of its 95 % interval.
@@ -239,7 +242,8 @@ def is_compared(quantities: Sequence[TableQuantity]) -> bool:
 
 def over_tables(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
     """Centre, spread and a new table of a quantity that three tables determine, by all tables that
-    have it: in SI, but the spread of a logarithm, which is relative.
+    have it: in SI, but the spread of a logarithm, which is relative. Restitutions lie
+    within 0 and 1.
 
     Raises:
         ParameterError: fewer than three tables determine it (`too-few-tables`).
@@ -249,6 +253,9 @@ def over_tables(name: str, quantities: Sequence[TableQuantity]) -> Hierarchy:
         text = f"{name}: the data of {count} tables determine it; expected at least {LEAST_GROUPS}"
         raise ParameterError(text, "too-few-tables")
     population = _population(name, quantities)
+    if name.partition("[")[0] in _RESTITUTIONS:
+        stream = Effort().stream(f"restitutions of {name}")
+        return population.within(*_RESTITUTION_ENDS, stream)
     if not quantities[0].log:
         return population
     return population._replace(

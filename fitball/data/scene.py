@@ -107,7 +107,16 @@ class Scene(SceneSection, frozen=True):
     source: dict[str, str] = {}
 
     def __post_init__(self) -> None:
-        _refuse(_faults(msgspec.to_builtins(self)))
+        tree = msgspec.to_builtins(self)
+        _refuse(_faults(tree))
+        # In Python a section, or a value with its sd, may be given as a dict.
+        try:
+            for field in msgspec.structs.fields(self):
+                if field.name in tree:
+                    value = msgspec.convert(tree[field.name], field.type)
+                    msgspec.structs.force_setattr(self, field.name, value)
+        except msgspec.ValidationError as error:
+            _refuse([_fault_of_type(field.name, error)])
         _refuse(_faults_of(self.ball))
 
     def ball_value(self) -> Ball:
@@ -324,11 +333,7 @@ def load_scene(table: str | Path | None, given: str | Path | None = None) -> Sce
     except InputError as error:
         faults = error.faults
     except msgspec.ValidationError as error:
-        # What `_faults` passes: a fraction where a whole number is expected, an sd of a number that
-        # takes none, none where there must be one.
-        message = str(error).replace("object", "{ value = ..., sd = ... }")
-        what, _, where = message.partition(" - at `$.")
-        faults = (_fault(where.rstrip("`"), what),)
+        faults = (_fault_of_type("", error),)
     except (OSError, ValueError, RecursionError) as error:
         words = one_line(str(getattr(error, "strerror", "") or error))
         message = f"cannot be read: {words}; expected a scene file (TOML in UTF-8)"
@@ -360,6 +365,16 @@ def _content(path: Path) -> bytes:
 def _fault(key: str, message: str) -> Fault:
     """A fault of the value of a key."""
     return Fault("scene", message, column=key)
+
+
+def _fault_of_type(section: str, error: msgspec.ValidationError) -> Fault:
+    """The fault of a value in a `section`, or in a whole scene, that `_faults` passes: a fraction
+    where a whole number is expected, an sd of a number that takes none, none where there must be
+    one.
+    """
+    message = str(error).replace("object", "{ value = ..., sd = ... }")
+    what, _, where = message.partition(" - at `$")
+    return _fault(f"{section}{where.rstrip('`')}".lstrip("."), what)
 
 
 def _refuse(faults: Iterable[Fault]) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from fitball.base.prior_families import Prior
 from fitball.base.values import FloatArray, IntArray
 from fitball.inference.effort import PREDICTION_DRAWS
-from fitball.uses.hierarchy import DRAWS_OF_EACH, hierarchy, measured_group
+from fitball.uses.hierarchy import DRAWS_OF_EACH, hierarchy, limited, measured_group
 
 # Repeats, beyond one a group, by which groups are known from noise.
 REPEATS = 2
@@ -61,25 +61,12 @@ class Means(NamedTuple):
         """The same, given that all groups lie between these ends: draws that do not are replaced by
         others that do.
         """
-        each = [_within(draws, low, high, rng) for draws in self.each]
+        each = [limited(draws, low, high, rng) for draws in self.each]
         return self._replace(
-            mean=_within(self.mean, low, high, rng),
-            another=_within(self.another, low, high, rng),
+            mean=limited(self.mean, low, high, rng),
+            another=limited(self.another, low, high, rng),
             each=np.array(each) if each else self.each,
         )
-
-
-def _within(draws: FloatArray, low: float, high: float, rng: np.random.Generator) -> FloatArray:
-    """Draws (draws,) given that they lie between two ends; none if none does."""
-    outside = (draws < low) | (draws > high)
-    if not outside.any():
-        return draws
-    inside = draws[~outside]
-    if not inside.size:
-        return inside
-    limited = draws.copy()
-    limited[outside] = rng.choice(inside, int(outside.sum()))
-    return limited
 
 
 class _Values(NamedTuple):
