@@ -15,7 +15,7 @@ from fitball.inference.sampling import chains
 from fitball.inference.sampling import sample as sampling
 from fitball.inference.sampling.convergence import Mixing
 from fitball.inference.sampling.importance import Student, adaptive_draws
-from fitball.inference.sampling.sample import sample
+from fitball.inference.sampling.sample import sample, thinning
 from fitball.inference.sampling.target import Target
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective
@@ -261,3 +261,18 @@ def test_effective_sizes_and_r_hat():
     assert not mixing.r_hat["c"] < np.inf
     assert mixing.r_hat["d"] < 1.02
     assert mixing.ess_bulk["d"] < 0.1 * size
+
+
+@pytest.mark.parametrize("steps", [8, 32, 500])
+def test_so_many_steps_are_stored_that_their_effective_size_is_known(steps):
+    rng = np.random.default_rng(3)
+    # Walkers that hardly move from where they began: few draws are effective.
+    start = rng.standard_normal((4, 1, 12, 2))
+    chains = start + 0.01 * rng.standard_normal((4, steps, 12, 2)).cumsum(axis=1)
+    mixing = Mixing(("a", "b"), chains)
+    stored = chains[:, :: thinning(mixing)]
+    assert stored.shape[1] >= 8
+    assert np.isfinite(list(Mixing(("a", "b"), stored).ess_bulk.values())).all()
+    # Where all are effective every step is stored.
+    independent = Mixing(("a",), rng.standard_normal((4, steps, 12, 1)))
+    assert thinning(independent) == 1
