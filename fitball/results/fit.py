@@ -62,9 +62,9 @@ class Fit(Fitted, Result):
 
         Example:
             >>> import fitball
-            >>> fit = fitball.calibrate("synthetic_drop", model="rigid", point_only=True)
+            >>> fit = fitball.calibrate("synthetic_drop", model="brody", point_only=True)
             >>> fit.frames["summary"].index[0]
-            'cor_measured'
+            'rebound_measured'
         """
         from fitball.uses.measured import with_measured
 
