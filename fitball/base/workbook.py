@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from io import BytesIO
 
+from fitball.base.environment import install_command
 from fitball.base.errors import ParameterError
 from fitball.base.files import with_index
 from fitball.base.values import DataFrame
@@ -30,7 +31,8 @@ def require_openpyxl() -> None:
     try:
         import openpyxl  # noqa: F401
     except ImportError:
-        text = "a workbook needs openpyxl: pip install 'fitball[xlsx]', or leave out --xlsx"
+        command = install_command("fitball[xlsx]")
+        text = f"a workbook needs openpyxl: {command}, or leave out --xlsx"
         raise ParameterError(text, "no-openpyxl") from None
 
 

@@ -31,9 +31,8 @@ from fitball.inference.effort import Effort
 from fitball.inference.judgement.first_order import proposal
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem
-from fitball.inference.sampling.importance import adaptive_draws
 from fitball.inference.sampling.sample import GOOD_K, sample
-from fitball.inference.sampling.target import target_of
+from fitball.inference.sampling.target import adapted, target_of
 from fitball.inference.search.best_fit import best_fit
 
 # Tables that are calibrated unless others are named.
@@ -98,16 +97,8 @@ def long_run(problem: Problem, effective: float) -> tuple[FloatArray, str]:
     point = best_fit(problem, rng)
     begin = [proposal(problem, problem.coordinates(values)) for values in point.optima]
     target = target_of(problem)
-    evaluations = list[FloatArray]()
-
-    def density(q: FloatArray) -> FloatArray:
-        evaluations.append(target.evaluate(q))
-        return evaluations[-1][:, 0]
-
-    drawn = adaptive_draws(density, target.begin(begin), rng, effective, GOOD_K)
+    drawn, evaluated = adapted(target, target.begin(begin), rng, effective, GOOD_K)
     if drawn.k <= GOOD_K:
-        evaluated = np.concatenate(evaluations)[: drawn.tried]
-        evaluated = evaluated[np.isfinite(evaluated[:, 0])]
         chosen = systematic(np.exp(drawn.log_weights), round(drawn.size), rng.uniform())
         q, _ = target.complete(drawn.x[chosen], evaluated[chosen], rng)
         return q, f"{drawn.size:.0f} effective weighted draws, k {drawn.k:.2f}"

@@ -10,7 +10,8 @@ that of Student's t of n-p, for n measurements and p parameters. At 95 % that is
 measurements, and 3.0 for 7 with 2 parameters.
 
 With uncertain incident states searches follow a law that draws about the maximum teach, and drops
-are those of the exact likelihood where they end. A search goes on by that where both differ.
+are those of the exact likelihood where they end. Where both differ a search goes on by the exact
+one.
 """
 
 from __future__ import annotations
