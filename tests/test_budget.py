@@ -1,5 +1,6 @@
 """Uncertainty budgets: against refits at drawn constants, and a straight line by hand."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from support.fit_by_hand import table_of
 from support.fits import best
 
 import fitball
-from fitball.base.workbook import workbook_bytes
+from fitball.base.errors import ParameterError
+from fitball.base.workbook import require_openpyxl, workbook_bytes
 from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference.judgement.constants import moves_of_constants
 from fitball.inference.judgement.first_order import first_order
@@ -120,3 +122,10 @@ def test_a_workbook_has_the_results_and_the_budget(tmp_path):
     cells = load_workbook(tmp_path / "odd.xlsx")["odd"][2]
     assert [cell.value for cell in cells] == ["'=1+1", None, 3, None]
     assert {cell.data_type for cell in cells} <= {"s", "n"}
+
+
+def test_a_workbook_is_refused_at_once_where_openpyxl_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(ParameterError) as refused:
+        require_openpyxl()
+    assert refused.value.code == "no-openpyxl"
