@@ -10,12 +10,14 @@ from numpy.testing import assert_allclose
 from scipy import stats
 from support.density import INCIDENT, REBOUND, problem_of, scene_of, table_of, truth_of
 
+import fitball
 from fitball.base import air
 from fitball.base.errors import ParameterError
 from fitball.base.values import Ball
 from fitball.data.scene import BallSection, Scene
 from fitball.inference.derived import anchored, level_differences, quantity_of
 from fitball.inference.forward import Draws
+from fitball.models.specs import SPECS
 
 # Fitted by the second edition to wang_all.csv.
 WANG = {
@@ -291,10 +293,76 @@ def test_a_formula_may_use_what_follows_from_parameters():
     assert derived["lever"].spec.unit == "m"
 
 
+def test_a_formula_without_labels_is_taken_at_every_level():
+    formulas = {"court": "mu*(1 + cor_10)", "loss": "1 - court_pace/100", "lever": "2*offset"}
+    problem, draws = _two_surfaces(derive=formulas)
+    problem.refuse_unknown_names()
+    derived = derived_in(problem)
+    assert "court" not in derived
+    for label in "ab":
+        expected = draws[f"mu[{label}]"] * (1.0 + draws[f"cor_10[{label}]"])
+        assert derived[f"court[{label}]"].rule(draws) == pytest.approx(expected, rel=1e-15)
+        pace = derived[f"court_pace[{label}]"]
+        loss = derived[f"loss[{label}]"]
+        assert loss.rule(draws) == pytest.approx(1.0 - pace.rule(draws) / 100.0, rel=1e-15)
+        assert loss.extrapolated == pace.extrapolated
+        assert loss.parts == (f"court_pace[{label}]",)
+    # What surfaces share has one value.
+    assert "lever[a]" not in derived
+    assert derived["lever"].rule(draws) == pytest.approx(2.0 * draws["offset"])
+    assert derived["lever"].spec.display_unit == SPECS["offset"].display_unit
+
+
+def test_a_label_in_a_formula_stays_at_every_level():
+    problem, draws = _two_surfaces(derive={"rel": "mu/mu[b]", "shared": "mu*offset"})
+    derived = derived_in(problem)
+    assert derived["rel[a]"].rule(draws) == pytest.approx(draws["mu[a]"] / draws["mu[b]"])
+    assert np.unique(derived["rel[b]"].rule(draws)).tolist() == [1.0]
+    assert derived["shared[a]"].rule(draws) == pytest.approx(draws["mu[a]"] * draws["offset"])
+    assert derived["shared[a]"].spec.unit == "m"
+
+
+def test_levels_of_two_columns_are_taken_as_they_were_measured_together():
+    v_y = np.linspace(6.0, 14.0, 24)
+    # Ball 1 was never measured on surface b.
+    labels = {"surface": tuple("ab" * 12), "ball": tuple("1232" * 6)}
+    incident = {"v_x1": 3.0 * v_y, "v_y1": v_y, "omega_1": 0.0}
+    rebound = {"v_x2": np.ones(24), "v_y2": 0.7 * v_y, "omega_2": np.ones(24)}
+    table = impact_table({**incident, **rebound}, labels=labels)
+    pool = {"mu": "surface", "cor_10": "ball"}
+    problem = problem_of(table, None, "grip-slip", pool=pool)
+    formulas = {"court": "mu*(1 + cor_10)"}
+    problem = replace(problem, choices=msgspec.structs.replace(problem.choices, derive=formulas))
+    derived = derived_in(problem)
+    names = {name for name in derived if name.startswith("court[")}
+    assert names == {"court[a, 1]", "court[b, 2]", "court[a, 3]"}
+    values = {name: np.array([value]) for name, value in truth_of(problem).items()}
+    values |= {"mu[a]": np.array([0.6]), "cor_10[3]": np.array([0.7])}
+    assert derived["court[a, 3]"].rule(values) == pytest.approx([0.6 * 1.7], rel=1e-15)
+
+
+def test_a_quantity_of_held_values_is_fixed():
+    fit = fitball.calibrate(
+        "wang_zero_spin",
+        model="grip-slip",
+        fix={"mu": 0.6},
+        derive={"twice": "2*mu"},
+        point_only=True,
+    )
+    held = fit.derived["twice"]
+    assert held.verdict == "fixed"
+    assert held.point == pytest.approx(1.2, rel=1e-15)
+    assert np.isnan(held.sd)
+    assert all("twice" not in tried.summaries for tried in fit.alternatives)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "code"),
     [
         ("own", "k_y*mu[a]", "unknown-parameter"),
+        ("own", "mu[c]*cor_10", "unknown-parameter"),
+        ("mu", "cor_10", "derive"),
+        ("court_pace", "cor_10", "derive"),
         ("mu[a]", "mu[b]", "derive"),
         ("court_pace[a]", "mu[b]", "derive"),
         ("", "mu[b]", "derive"),

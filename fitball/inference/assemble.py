@@ -83,9 +83,12 @@ def estimates(
             prior,
             fitted.prior.source,
         )
-    for spec, rule, _ in problem.derived:
-        point = float(rule(draws.best)[0])
-        derived[spec.name] = estimate(spec, "derived", rule(draws.values), point)
+    for quantity in problem.derived:
+        spec = quantity.spec
+        point = float(quantity.rule(draws.best)[0])
+        held = judged[spec.name].verdict == "fixed"
+        sampled = np.empty(0) if held else quantity.rule(draws.values)
+        derived[spec.name] = estimate(spec, "derived", sampled, point)
     return parameters, derived
 
 

@@ -22,7 +22,6 @@ from fitball.inference import frames, schema
 from fitball.inference.curves import curves_frame
 from fitball.inference.derived import Quantity, level_differences, quantity_of
 from fitball.inference.effort import PREDICTION_DRAWS, Effort
-from fitball.inference.expressions import expression
 from fitball.inference.forward import Draws
 from fitball.inference.judgement.rivals import Rival, rivals
 from fitball.inference.marginal import Marginal
@@ -364,16 +363,14 @@ class Fitted:
         problem.refuse_unknown_names()
         derived = dict(self.derived)
         for quantity in problem.derived:
-            name = quantity.spec.name
-            if name in formulas:
-                derived[name] = self._derived_estimate(quantity, problem)
+            if quantity.base in formulas and quantity.parts:
+                derived[quantity.spec.name] = self._derived_estimate(quantity)
         return replace(self, run=run_of(problem, self.run.effort), derived=derived)
 
-    def _derived_estimate(self, quantity: Quantity, problem: Problem) -> schema.Estimate:
+    def _derived_estimate(self, quantity: Quantity) -> schema.Estimate:
         """The estimate of a quantity that is derived from others, with their weakest verdict."""
         spec = quantity.spec
-        known = [estimate.name for estimate in self.reported if estimate.name != spec.name]
-        used = expression(spec.name, problem.choices.derive[spec.name], known).used
+        used = quantity.parts
         parents = [estimate for estimate in self.reported if estimate.name in used]
         verdict = max((parent.verdict for parent in parents), key=_WEAKER.index)
         given = dict.fromkeys(choice for parent in parents for choice in parent.given)

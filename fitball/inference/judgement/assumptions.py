@@ -368,7 +368,8 @@ def _weighed_draws(
 ) -> tuple[dict[str, float], dict[str, Weighed]]:
     """The best values of a variant by name, and what its draws say of free parameters and derived
     quantities, both as all rows have them. Parameters of the noise are left out where its kind is
-    not that of the fit: the scale of another kind is another quantity.
+    not that of the fit: the scale of another kind is another quantity. So are quantities of held
+    values alone, which nothing moves.
     """
     posed = variant.problem
     prior = posed.prior
@@ -381,7 +382,9 @@ def _weighed_draws(
     unlike = frozenset() if alike else posed.noises
     columns = {name: values[name] for name in posed.free if name not in unlike}
     for quantity in posed.derived:
-        columns[quantity.spec.name] = quantity.rule(values)
+        column = quantity.rule(values)
+        if np.unique(column).size > 1:
+            columns[quantity.spec.name] = column
     count = 1 + len(drawn.x)
     found = {}
     for name, column in columns.items():

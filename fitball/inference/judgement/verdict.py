@@ -236,6 +236,10 @@ RULES = (
 )
 
 
+# The judgement of a derived quantity that no free parameter moves.
+HELD = Judgement("fixed", "fixed", "It follows from held values alone.")
+
+
 def judge(
     problem: Problem,
     point: PointFit,
@@ -286,6 +290,9 @@ def judge(
     depended = {parameter.spec.name for parameter in problem.parameters if parameter.measured}
     depended |= bounds.bound.keys()
     for k, quantity in enumerate(derived, start=len(problem.free)):
+        if not linear.signs[k].any():
+            judged[quantity.spec.name] = HELD
+            continue
         shares = zip(problem.free, linear.shares[k], linear.signs[k], strict=True)
         moving = {name: sign for name, share, sign in shares if share > SHARED_VARIANCE}
         evidence = _evidence_of_derived(quantity, moving, judged, depended)

@@ -15,7 +15,8 @@ from fitball.base.priors import parse_prior
 from fitball.base.values import FloatArray, Impacts, IntArray
 from fitball.data.scene import Scene
 from fitball.data.table import ImpactTable
-from fitball.inference.derived import Quantity, compared_levels, quantities, written
+from fitball.inference.derived import Quantity, compared_levels, quantities
+from fitball.inference.formulas import Known, written
 from fitball.inference.forward import CalibratedRange, ForwardModel, Values
 from fitball.inference.noise import NOISE_KINDS
 from fitball.inference.problem.camera import CAMERA_SPECS, CameraModel
@@ -169,7 +170,8 @@ class Problem:
         specs = {parameter.spec.name: parameter.spec for parameter in self.parameters}
         following = quantities(self.forward, self.calibrated, self.scene)
         following += compared_levels(self.forward, self.calibrated, specs)
-        return (*following, *written(self.choices.derive, specs, following, skip_unknown))
+        known = Known.of(self.forward, self.calibrated, specs, following)
+        return (*following, *written(self.choices.derive, known, skip_unknown))
 
     def values(self, q: Annotated[FloatArray, "draws coordinates"]) -> Values:
         """The values in SI of all parameters, free and fixed, by name, at coordinates."""
