@@ -1,7 +1,9 @@
 """Figures of a stored fit, drawn into its folder: names, formats, what is there stays."""
 
+import re
 import threading
 import time
+from xml.etree import ElementTree
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -52,6 +54,21 @@ def test_fonts_of_pdf_are_embedded_as_truetype(stored, capsys):
     written = path.read_bytes()
     assert b"/FontFile2" in written
     assert b"/Type3" not in written
+
+
+def test_text_of_svg_is_text_in_a_font_with_these_letters(stored, capsys):
+    options = ["corner", "--parameters", "mu,cor_slope", "--format", "svg", "--quiet"]
+    assert cli.main(["plot", str(stored / "fit.json"), *options]) == 0
+    (path,) = stored.glob("corner*.svg")
+    figure = ElementTree.fromstring(path.read_text(encoding="utf-8"))
+    texts = [element for element in figure.iter() if element.tag.endswith(("text", "tspan"))]
+    words = "".join("".join(element.itertext()) for element in texts)
+    assert "posterior, 68 and 95 %" in words
+    # Fonts of Computer Modern have other letters in the places of Unicode's.
+    assert "COR\N{PRIME}" in words
+    styles = " ".join(element.get("style", "") for element in texts)
+    assert "DejaVu Sans" in styles
+    assert not re.findall(r"'cm\w+'", styles)
 
 
 def test_without_names_all_that_there_is_data_for(tmp_path):

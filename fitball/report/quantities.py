@@ -17,6 +17,8 @@ MAIN_KINDS = ("model", "level", "derived")
 _LEAST_CHANCE = 1e-3
 # Letters of a label in a figure.
 _LABEL_LETTERS = 18
+# Matplotlib takes `'` from a font in which it has the place of 0, which is what SVG then shows.
+_PRIME = "\N{PRIME}"
 # Impacts of the figure of predictions, evenly spread over more.
 MOST_REBOUNDS = 400
 # Units in which the state of an incident ball is shown, by column.
@@ -52,7 +54,8 @@ def quantity_symbol(fit: Fitted, name: str, most: int = _LABEL_LETTERS) -> str:
         ParameterError: The fit has no such quantity (`unknown-quantity`).
     """
     base, level = symbol_levels(name)
-    shown = fit.quantity(name).spec.symbol or figure_text(base.replace("_", " "))
+    symbol = fit.quantity(name).spec.symbol.replace("'", _PRIME)
+    shown = symbol or figure_text(base.replace("_", " "))
     # Two levels have the letters of two.
     letters = most if at_level(name)[1] else 2 * most
     return f"{shown}, {figure_text(level, letters)}" if level else shown
