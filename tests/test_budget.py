@@ -17,7 +17,8 @@ from fitball.data.scene import BallSection, Scene, ValueWithSd
 from fitball.inference.judgement.constants import moves_of_constants
 from fitball.inference.judgement.first_order import first_order
 from fitball.report import budget as page
-from fitball.uses.budget import LINEAR_SHARE, budgets, hypercube
+from fitball.uses.budget import budgets
+from fitball.uses.sources import LINEAR_SHARE, hypercube
 
 STORED = Path(__file__).parent / "data" / "stored" / "grip_slip"
 # Drawings of all constants.
@@ -77,6 +78,83 @@ def test_budgets_are_those_of_refits_or_said_to_be_bent():
             assert squares == pytest.approx(totals.loc[name, "contribution"] ** 2, rel=0.01)
             assert rows["share"].sum() == pytest.approx(1.0, abs=0.01)
     assert count > 10
+
+
+GRAVITY = 9.80665
+# Measurements of each laboratory test, and drawings of its Monte Carlo.
+COUNT = 12
+MANY = 200_000
+
+
+def totals_of(fit):
+    """The combined rows of a fit's budget by result."""
+    frame = budgets(fit)
+    return frame[frame["source"] == "combined"].set_index("result")
+
+
+def test_the_budget_of_a_mean_rebound_is_a_monte_carlo_of_the_test():
+    rng = np.random.default_rng(8)
+    cor = 0.76 + 0.01 * rng.standard_normal(COUNT)
+    frame = pd.DataFrame({"v_y1": 6.85, "v_y2": 6.85 * cor})
+    fit = fitball.calibrate(frame, progress=False)
+    row = totals_of(fit).loc["rebound_measured"]
+    # Drag 0.55 +- 0.08, mass and radius over the limits of the rules, air of 1.204 kg/m^3.
+    drag = rng.normal(0.55, 0.08, MANY)
+    mass = rng.uniform(0.0560, 0.0594, MANY)
+    radius = rng.uniform(0.0327, 0.0343, MANY)
+    braking = drag * 1.204 * np.pi * radius**2 / mass
+    squared = 2.0 * GRAVITY / braking * (1.0 - np.exp(-braking * 2.54))
+    mean = cor.mean() + rng.standard_t(COUNT - 1, MANY) * cor.std(ddof=1) / np.sqrt(COUNT)
+    heights = np.log1p(0.5 * braking * mean**2 * squared / GRAVITY) / braking
+    assert row["contribution"] == pytest.approx(heights.std(), rel=0.05)
+    assert row["monte_carlo"] == pytest.approx(heights.std(), rel=0.05)
+    assert row["value"] == pytest.approx(heights.mean(), rel=0.005)
+    assert row["linear"]
+    sources = budgets(fit).query("result == 'rebound_measured'").set_index("source")
+    assert sources.loc["drag", "share"] > 0.3
+    assert sources.loc["ball_mass", "distribution"] == "rectangular"
+
+
+def test_heights_on_both_sides_do_not_depend_on_the_air():
+    rng = np.random.default_rng(9)
+    rebounds = 140.0 + 2.0 * rng.standard_normal(COUNT)
+    frame = pd.DataFrame({"drop_height [cm]": 254.0, "rebound_height [cm]": rebounds})
+    fit = fitball.calibrate(frame, progress=False)
+    row = totals_of(fit).loc["rebound_measured"]
+    assert row["contribution"] == pytest.approx(0.02 / np.sqrt(COUNT), rel=0.4)
+    sources = budgets(fit).query("result == 'rebound_measured'")["source"]
+    assert list(sources) == [f"scatter of {COUNT} repeats", "combined"]
+    # The restitution does.
+    assert "drag" in set(budgets(fit).query("result == 'cor_measured'")["source"])
+
+
+def test_the_budget_of_a_court_is_a_monte_carlo_of_the_test():
+    rng = np.random.default_rng(10)
+    angle = np.deg2rad(16.0)
+    before = 30.0 * np.exp(1j * angle)
+    after = (19.5 + 6.6j) * (1.0 + 0.02 * rng.standard_normal(COUNT))
+    frame = pd.DataFrame(
+        {"v_x1": before.real, "v_y1": before.imag, "v_x2": after.real, "v_y2": after.imag}
+    )
+    fit = fitball.calibrate(frame, model="brody", progress=False)
+    row = totals_of(fit).loc["pace_measured"]
+    tilt = rng.uniform(-np.deg2rad(0.5), np.deg2rad(0.5), (MANY, 1))
+    temperature = rng.uniform(10.0, 30.0, MANY)
+    # A ball that falls is turned as one that rises: both are seen by the same camera.
+    falls = np.conj(before) * np.exp(-1j * tilt)
+    rises = after * np.exp(-1j * tilt)
+    friction = (falls.real - rises.real) / (rises.imag - falls.imag)
+    restitution = -rises.imag / falls.imag
+    ratings = 100.0 * (1.0 - friction) + 150.0 * (0.81 - restitution)
+    scatter = ratings.std(axis=1, ddof=1) / np.sqrt(COUNT)
+    drawn = ratings.mean(axis=1) + rng.standard_t(COUNT - 1, MANY) * scatter
+    drawn = drawn - 150.0 * 0.003 * (23.0 - temperature)
+    assert row["contribution"] == pytest.approx(drawn.std(), rel=0.05)
+    assert row["monte_carlo"] == pytest.approx(drawn.std(), rel=0.05)
+    sources = budgets(fit).query("result == 'pace_measured'").set_index("source")
+    assert sources.loc["tilt", "share"] > 0.3
+    assert sources.loc["ball_temperature", "source_unit"] == "degC"
+    assert page.section(fit).blocks[0].rows[0]["result"] == "pace_measured"
 
 
 def test_a_point_fit_has_no_budget_and_no_section():

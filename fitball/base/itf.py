@@ -76,7 +76,7 @@ _MEAN_RESTITUTION = 0.81
 # What restitution loses for each kelvin above the temperature of the test (CS 01/02).
 _PER_KELVIN = 0.003
 # Temperature of the test [degrees Celsius].
-_TEST_TEMPERATURE = 23.0
+TEST_TEMPERATURE = 23.0
 
 
 def is_tennis_radius(radius: float) -> bool:
@@ -149,7 +149,7 @@ def pace_rating(
     in degrees Celsius (None: 23) and the apparent friction `mu = (v_x1 - v_x2)/(v_y1 + v_y2)`, by
     CS 01/02.
     """
-    colder = 0.0 if temperature is None else _TEST_TEMPERATURE - temperature
+    colder = 0.0 if temperature is None else TEST_TEMPERATURE - temperature
     corrected = restitution + _PER_KELVIN * colder
     return np.asarray(100.0 * (1.0 - friction) + 150.0 * (_MEAN_RESTITUTION - corrected))
 

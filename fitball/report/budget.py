@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitball.base.display_units import CM, PLAIN
 from fitball.base.numbers import Unit, counted, percent, signed
 from fitball.base.text import column_head, short
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.camera import CAMERA_SPECS
+from fitball.inference.problem.fall import FALL_SPECS
 from fitball.models.specs import SPECS
 from fitball.report.blocks import Block, Mark, Section, Table, Text
 from fitball.report.frame_rows import FrameRow, frame_rows
 from fitball.report.quantities import unit_of
-from fitball.uses.budget import COVERAGE, LINEAR_SHARE, budgets
+from fitball.uses.budget import budgets
+from fitball.uses.sources import COVERAGE, LINEAR_SHARE
 
 # The share of the variance below which sources have one row together.
 _SMALL_SHARE = 0.005
@@ -25,8 +28,9 @@ _ABOUT = (
     "source, both in SI. Sources are taken as independent. No verdict depends on this budget."
 )
 _MONTE_CARLO = (
-    "Monte Carlo: all constants are drawn together, and the fit is made anew each time (GUM "
-    f"Supplement 1). Beyond {percent(LINEAR_SHARE)} the result is not linear: its value counts."
+    "Monte Carlo: all constants are drawn together, and the fit or the test is computed anew each "
+    f"time (GUM Supplement 1). Beyond {percent(LINEAR_SHARE)} the result is not linear: its value "
+    "counts."
 )
 
 
@@ -53,12 +57,12 @@ def _answer(totals: list[FrameRow]) -> str:
 
 
 def _totals_table(fit: Fitted, totals: list[FrameRow]) -> Table:
-    """A row a result: its sd of the fit alone, combined and expanded uncertainty, Monte Carlo."""
+    """A row a result: its sd without constants, combined and expanded uncertainty, Monte Carlo."""
     rows = []
     for row in totals:
         name = row.text("result")
-        unit = unit_of(fit, name)
-        estimate = next(entry for entry in fit.reported if entry.name == name)
+        unit = _unit_of_result(fit, row)
+        value, sd = row.numbers("value", "uncertainty")
         combined, expanded, drawn = row.numbers("contribution", "expanded", "monte_carlo")
         outcome = ""
         if np.isfinite(drawn):
@@ -67,8 +71,8 @@ def _totals_table(fit: Fitted, totals: list[FrameRow]) -> Table:
         rows.append(
             {
                 "result": Mark(short(name, _NAME_LETTERS), "name"),
-                "value": unit.estimate(estimate.median, combined),
-                "sd of the fit": unit.number(estimate.sd, 2),
+                "value": unit.estimate(value, combined),
+                "without constants": unit.number(sd, 2),
                 "combined": unit.number(combined, 2),
                 f"expanded, k = {COVERAGE:g}": unit.number(expanded, 2),
                 "Monte Carlo": unit.number(drawn, 2),
@@ -83,7 +87,7 @@ def _source_table(fit: Fitted, of_result: list[FrameRow]) -> Table:
     """The budget of one result, a row a source, the largest first."""
     rows = []
     name = of_result[0].text("result")
-    unit = unit_of(fit, name)
+    unit = _unit_of_result(fit, of_result[0])
     small = [row for row in of_result if row.number("share") < _SMALL_SHARE]
     for row in of_result:
         last = row.text("source") == "combined"
@@ -119,10 +123,20 @@ def _source_table(fit: Fitted, of_result: list[FrameRow]) -> Table:
     return Table(title, rows, ("distribution",))
 
 
+def _unit_of_result(fit: Fitted, row: FrameRow) -> Unit:
+    """The unit in which the result of a row is shown: that of a quantity of the fit, else of what a
+    laboratory test measured.
+    """
+    name = row.text("result")
+    if name in fit.summary.index:
+        return unit_of(fit, name)
+    return CM if row.text("unit") == "m" else PLAIN
+
+
 def _unit_of_source(row: FrameRow) -> Unit:
     """The unit in which a source is shown: that of its parameter, else its own in SI."""
     name = row.text("source").removeprefix("prior of ").partition("[")[0]
-    spec = {**SPECS, **CAMERA_SPECS}.get(name)
+    spec = {**SPECS, **CAMERA_SPECS, **FALL_SPECS}.get(name)
     if spec is not None:
         return spec.display_unit
     return Unit(row.text("source_unit"))

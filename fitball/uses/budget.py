@@ -14,7 +14,6 @@ draws of the posterior move with it; results are computed of these with the cons
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,17 +29,14 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.schema import Posterior
 from fitball.inference.search.objective import Objective, descend
 from fitball.uses.groups import DETERMINED_VERDICTS
+from fitball.uses.lab_budget import measured_rows
+from fitball.uses.sources import DRAWINGS, Budget, Source, combined, hypercube, rows_of_result
 
 # Kinds of results that have a budget.
 _KINDS = ("model", "level", "derived")
 # Results with a budget.
 _MOST_RESULTS = 12
-# Coverage factor of the expanded uncertainty: about 95 %.
-COVERAGE = 2.0
-# Share by which the Monte Carlo may differ from the budget of a result that is linear.
-LINEAR_SHARE = 0.05
-# Drawings of all constants together, and draws of the posterior at each.
-_DRAWINGS = 64
+# Draws of the posterior at each drawing of the constants.
 _DRAWS = 96
 # Most bounces of a Monte Carlo; with more impacts it has fewer drawings.
 _MOST_BOUNCES = 400_000
@@ -53,43 +49,13 @@ _CONVERGED = 1e-4
 _MADE: WeakKeyDictionary[ImpactTable, tuple[Posterior | None, DataFrame]] = WeakKeyDictionary()
 
 
-class Budget(NamedTuple):
-    """The budget of a result: rows `sources` in the frame of `budgets`; `combined` standard
-    uncertainty, and that of the Monte Carlo (NaN: none).
-    """
-
-    name: str
-    combined: float
-    monte_carlo: float
-
-    @property
-    def linear(self) -> bool:
-        """Whether the Monte Carlo confirms the budget, or there is none."""
-        if not np.isfinite(self.monte_carlo):
-            return True
-        return abs(self.monte_carlo / self.combined - 1.0) <= LINEAR_SHARE
-
-
-class _Source(NamedTuple):
-    """A source of uncertainty: its value and standard uncertainty with `unit`; by result the
-    contribution to the standard uncertainty, in SI, with the sign of the sensitivity.
-    """
-
-    name: str
-    value: float
-    uncertainty: float
-    unit: str
-    type: str
-    distribution: str
-    contributions: Annotated[FloatArray, "results"]
-
-
 def budgets(fit: Fitted) -> DataFrame:
     """A row a result and source, in SI: `result`, its `unit`; `source`, `value`, `uncertainty`,
     `source_unit`, `type` (A or B), `distribution`, `sensitivity`, `contribution`, `share` of the
-    variance; on a last row, source "combined", `contribution` is the combined standard uncertainty,
-    `expanded` that times COVERAGE, `monte_carlo` that of a Monte Carlo of the whole (NaN: none),
-    and whether the result is `linear`. Empty without a posterior. Made once of each fit.
+    variance; on a last row, source "combined", are `value` and, without constants, `uncertainty` of
+    the result; there `contribution` is the combined standard uncertainty, `expanded` that times
+    COVERAGE, `monte_carlo` that of a Monte Carlo of the whole (NaN: none), and whether the result
+    is `linear`. Laboratory results come first. Empty without a posterior. Made once of each fit.
     """
     import pandas as pd
 
@@ -99,7 +65,7 @@ def budgets(fit: Fitted) -> DataFrame:
     heads = ["result", "unit", "source", "value", "uncertainty", "source_unit", "type"]
     heads += ["distribution", "sensitivity", "contribution", "share", "expanded", "monte_carlo"]
     heads += ["linear"]
-    rows = list(_rows(fit)) if fit.posterior is not None else []
+    rows = [*measured_rows(fit), *_rows(fit)] if fit.posterior is not None else []
     frame = pd.DataFrame(rows, columns=heads)
     _MADE[fit.run.table] = fit.posterior, frame
     return frame
@@ -132,51 +98,10 @@ def _rows(fit: Fitted) -> Iterator[dict[str, object]]:
     by_drawing = _monte_carlo(fit, first, [names[k] for k in chosen], sds, moved)
     for k, (place, sd) in enumerate(zip(chosen, sds.tolist(), strict=True)):
         name = names[place]
-        whole = Budget(name, _combined(sources, k), float(by_drawing[k]))
         unit = fit.quantity(name).spec.unit
-        yield from _rows_of_result(whole, unit, sources, k, sd)
-
-
-def _rows_of_result(
-    budget: Budget,
-    unit: str,
-    sources: Sequence[_Source],
-    k: int,
-    sd: float,
-) -> Iterator[dict[str, object]]:
-    """The rows of result `k`: its sources, the largest first, and the combined uncertainty."""
-    lead = {"result": budget.name, "unit": unit}
-    for source in sorted(sources, key=lambda source: -abs(source.contributions[k])):
-        contribution = float(source.contributions[k])
-        # What is less than a rounding error is no source.
-        if abs(contribution) < 1e-3 * sd:
-            continue
-        yield {
-            **lead,
-            "source": source.name,
-            "value": source.value,
-            "uncertainty": source.uncertainty,
-            "source_unit": source.unit,
-            "type": source.type,
-            "distribution": source.distribution,
-            "sensitivity": contribution / source.uncertainty,
-            "contribution": abs(contribution),
-            "share": (contribution / budget.combined) ** 2,
-        }
-    yield {
-        **lead,
-        "source": "combined",
-        "contribution": budget.combined,
-        "share": 1.0,
-        "expanded": COVERAGE * budget.combined,
-        "monte_carlo": budget.monte_carlo,
-        "linear": budget.linear,
-    }
-
-
-def _combined(sources: Sequence[_Source], k: int) -> float:
-    """The combined standard uncertainty of result `k`."""
-    return float(np.sqrt(sum(source.contributions[k] ** 2 for source in sources)))
+        value = estimates[name].median
+        whole = Budget(name, unit, value, sd, combined(sources, k), float(by_drawing[k]))
+        yield from rows_of_result(whole, sources, k)
 
 
 def _in_si(
@@ -204,7 +129,7 @@ def _sources_of_fit(
     first: FirstOrder,
     along: FloatArray,
     sds: FloatArray,
-) -> Iterator[_Source]:
+) -> Iterator[Source]:
     """The sources of the posterior sds (results,): each measured column, contact time, priors."""
     directions = along @ first.root
     total = np.linalg.norm(directions, axis=1)
@@ -222,12 +147,12 @@ def _sources_of_fit(
             sd = float(values[observable.noise][0])
         name = f"scatter of {column}"
         normal = "normal" if fit.problem.forward.noise.name == "normal" else "student-t"
-        yield _Source(name, 0.0, sd, observable.column.unit, "A", normal, np.sqrt(share) * sds)
+        yield Source(name, 0.0, sd, observable.column.unit, "A", normal, np.sqrt(share) * sds)
     begin = count
     if fit.problem.contact_time is not None:
         time, error = fit.problem.contact_time
         contribution = np.sqrt(squares[count]) * sds
-        yield _Source("contact time of the scene", time, error, "s", "B", "normal", contribution)
+        yield Source("contact time of the scene", time, error, "s", "B", "normal", contribution)
         begin += 1
     for k, name in enumerate(first.names):
         # A row of the Cholesky factor of their curvature is that of one prior, but for levels.
@@ -236,17 +161,17 @@ def _sources_of_fit(
         place = fit.problem.free.index(name)
         plain = fit.problem.prior.plain[place]
         sd = float(first.sds[k]) if plain else np.nan
-        yield _Source(
+        yield Source(
             f"prior of {name}", parameter.point, sd, parameter.unit, "B", "prior", contribution
         )
 
 
-def _source_of_constant(moved: Moved, along: FloatArray, directly: FloatArray) -> _Source:
+def _source_of_constant(moved: Moved, along: FloatArray, directly: FloatArray) -> Source:
     """A held constant as a source."""
     held = moved.held
     sensitivity = along @ moved.coordinates + directly
     spec_unit = unit_of_constant(held.name)
-    return _Source(
+    return Source(
         held.name,
         held.value,
         held.uncertainty,
@@ -276,7 +201,7 @@ def _monte_carlo(
     there are too many impacts, and where the best fit of a drawing was not found.
     """
     problem = fit.problem
-    drawings = min(_DRAWINGS, _MOST_BOUNCES // (_DRAWS * len(problem.rows.y)))
+    drawings = min(DRAWINGS, _MOST_BOUNCES // (_DRAWS * len(problem.rows.y)))
     if not moved:
         return sds
     if drawings < _FEWEST_DRAWINGS:
@@ -303,23 +228,6 @@ def _monte_carlo(
     # The variance of few draws is that of the same draws here, that of all of them is better known.
     within = sds**2 * found.var(axis=2).mean(axis=0) / here
     return np.asarray(np.sqrt(within + found.mean(axis=2).var(axis=0)))
-
-
-def hypercube(
-    constants: int,
-    drawings: int,
-    rng: np.random.Generator,
-) -> Annotated[FloatArray, "constants drawings"]:
-    """Shares between 0 and 1 of a Latin hypercube: each constant is drawn from every stratum once,
-    and constants do not go together by chance (Iman and Conover 1982, Commun. Stat. B 11, 311).
-    """
-    from scipy.special import ndtri
-
-    shares = np.stack([rng.permutation(drawings) + 0.5 for _ in range(constants)]) / drawings
-    scores = ndtri(shares)
-    factor = np.linalg.cholesky(np.atleast_2d(np.corrcoef(scores)))
-    ranks = np.linalg.solve(factor, scores).argsort(axis=1).argsort(axis=1)
-    return np.asarray((ranks + 0.5) / drawings)
 
 
 def _refitted(posed: Problem, begin: FloatArray) -> FloatArray:

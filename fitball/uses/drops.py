@@ -50,7 +50,7 @@ def _restitution_of(columns: AnalyticColumns) -> AnalyticArray:
     return np.asarray(velocity(columns, "2")["v_y2"] / columns["v_y1"])
 
 
-class _Air(NamedTuple):
+class Air(NamedTuple):
     """The air of drops: the `usual` braking [1/m] and `draws` (draws,) of it; whether all of v_y1
     and of v_y2 were heights, `dropped` and `risen`, or times of flights, `flown_in` and
     `flown_out`.
@@ -64,7 +64,7 @@ class _Air(NamedTuple):
     flown_out: bool = False
 
     @classmethod
-    def of(cls, table: ImpactTable, scene: Scene) -> _Air:
+    def of(cls, table: ImpactTable, scene: Scene) -> Air:
         """The air of a table's drops."""
         drag = scene.slow_drag()
         per_drag = air.braking_per_drag(scene.ball_value(), scene.air)
@@ -94,12 +94,15 @@ class _Air(NamedTuple):
         return float(air.launch_speed(rebound, self.usual) / self.test_speed)
 
     def rebounds(self, cor: FloatArray) -> FloatArray:
-        """Rebounds [m] of that drop by draws (draws,) of COR. Where both ends were heights they do
-        not depend on the drag.
+        """Rebounds [m] of that drop by draws (draws,) of COR, with the error of the drag."""
+        return self.rebounds_at(cor, self.draws[: len(cor)])
+
+    def rebounds_at(self, cor: FloatArray, braking: FloatArray) -> FloatArray:
+        """Rebounds [m] of that drop by COR (draws,) and a braking [1/m] (draws,), on which they do
+        not depend where both ends were heights.
         """
         if self.dropped and self.risen:
             return air.rebound_height(cor * self.test_speed, self.usual)
-        braking = self.draws[: len(cor)]
         landing = air.landing_speed(itf.DROP_HEIGHT, braking)
         return air.rebound_height(cor * landing, braking)
 
@@ -107,7 +110,12 @@ class _Air(NamedTuple):
         """Draws of COR (draws,) at a landing speed [m/s] with the error of the drag, which all
         heights and times share.
         """
-        braking = self.draws[: len(cor)]
+        return self.restitutions_at(cor, speed, self.draws[: len(cor)])
+
+    def restitutions_at(self, cor: FloatArray, speed: float, braking: FloatArray) -> FloatArray:
+        """COR (draws,) at a landing speed [m/s] by those at the usual braking, if the braking [1/m]
+        (draws,) of heights and times is another.
+        """
         before = np.full(len(cor), speed)
         after = cor * speed
         if self.dropped:
@@ -121,7 +129,7 @@ class _Air(NamedTuple):
         return np.asarray(after / before)
 
 
-class _Drops(NamedTuple):
+class Drops(NamedTuple):
     """The drops on a `surface`: landing `speeds` [m/s], `cor` with stated errors `sds` (drops,),
     names of balls and the `ball` (drops,) among them; the `means` of COR at a `speed`, that of the
     test if it is among the speeds, or as near to a range of them as they are to each other;
@@ -137,10 +145,10 @@ class _Drops(NamedTuple):
     speed: float
     means: Means
     judged: bool
-    air: _Air
+    air: Air
 
 
-class _Restitution(NamedTuple):
+class Restitution(NamedTuple):
     """A COR of the drop test: `kind` of row, `label` of a ball, how many `drops`, landing `speed`
     [m/s]; `cor` with `draws` (draws,), which may be none.
     """
@@ -162,8 +170,8 @@ def _drops_on(
     of_type: bool,
     prior: Prior,
     rng: np.random.Generator,
-    through: _Air,
-) -> _Drops:
+    through: Air,
+) -> Drops:
     """The drops of these rows of a table `through` air, with `cor` and its stated errors `sds`
     (impacts,); `of_type`: mass and size are those of the type of the ball.
     """
@@ -183,7 +191,7 @@ def _drops_on(
     away = np.zeros(len(rows))
     if len(settings) != 1:
         away = speeds - speed
-    return _Drops(
+    return Drops(
         surface=surface,
         speeds=speeds,
         cor=cor[rows],
@@ -212,19 +220,19 @@ def _settings(speeds: FloatArray) -> list[IntArray]:
     return settings
 
 
-def _restitutions(test: _Drops, prior: Prior, rng: np.random.Generator) -> Iterator[_Restitution]:
+def _restitutions(test: Drops, prior: Prior, rng: np.random.Generator) -> Iterator[Restitution]:
     """The COR of all drops on a surface, of another ball, of each ball, at each tested speed."""
     cor = test.means
-    yield _Restitution("mean", "", len(test.cor), test.speed, cor.point, cor.mean)
+    yield Restitution("mean", "", len(test.cor), test.speed, cor.point, cor.mean)
     if cor.another.size:
         point = float(np.median(cor.another))
-        yield _Restitution("another", "", np.nan, test.speed, point, cor.another)
+        yield Restitution("another", "", np.nan, test.speed, point, cor.another)
     for k, level in enumerate(cor.levels.tolist() if test.ball.any() else []):
         count = int(np.sum(test.ball == k))
         # Balls dropped once are no better known than by their drop.
         draws = cor.each[k] if len(cor.each) else cor.mean[:0]
         point = float(np.median(draws)) if draws.size else level
-        yield _Restitution("ball", test.names[k], count, test.speed, point, draws)
+        yield Restitution("ball", test.names[k], count, test.speed, point, draws)
     settings = _settings(test.speeds)
     if len(settings) < 2:
         return
@@ -235,15 +243,15 @@ def _restitutions(test: _Drops, prior: Prior, rng: np.random.Generator) -> Itera
             here = means(test.cor[drops], ball, prior, rng, still, test.sds[drops])
             here = here.within(0.0, 1.0, rng)
             speed = float(test.speeds[drops].mean())
-            yield _Restitution("speed", "", len(drops), speed, here.point, here.mean)
+            yield Restitution("speed", "", len(drops), speed, here.point, here.mean)
 
 
 def _drop_row(
-    test: _Drops,
-    reference: _Drops | None,
+    test: Drops,
+    reference: Drops | None,
     limits: tuple[float, float],
     surface: str,
-    restitution: _Restitution,
+    restitution: Restitution,
 ) -> dict[str, object]:
     """A row of the drop test: a COR of a `test`, beside that on the `reference` surface; rebounds
     within `limits` [m] pass.
@@ -277,7 +285,7 @@ def _drop_row(
     }
 
 
-def _ratio(test: _Drops, reference: _Drops) -> tuple[float, FloatArray]:
+def _ratio(test: Drops, reference: Drops) -> tuple[float, FloatArray]:
     """The rebound height over that on the `reference` surface, and draws (draws,) of it, both from
     the drop of the test; NaN where speeds differ.
     """
@@ -298,7 +306,7 @@ def _ratio(test: _Drops, reference: _Drops) -> tuple[float, FloatArray]:
 
 
 def _of_balls(
-    test: _Drops,
+    test: Drops,
     limits: tuple[float, float],
     kind: str,
     label: str,
@@ -333,6 +341,35 @@ def _of_balls(
     }
 
 
+def drops_of(
+    table: ImpactTable,
+    scene: Scene,
+    priors: Mapping[str, str] = NO_PRIORS,
+) -> list[tuple[Drops, list[Restitution]]]:
+    """The drops on each surface with what they say of its restitution; none where balls were not
+    dropped. Raises ParameterError as `drop_test` does.
+    """
+    v_y2 = velocity(table.values, "2").get("v_y2")
+    impacts = table.impacts
+    if v_y2 is None or table.has_tangential:
+        return []
+    if np.any(np.abs(impacts.v_x1) > _NO_MOTION * impacts.v_y1):
+        return []
+    prior = prior_of_spread("cor_10_spread", "ball", scene, priors)
+    rng = Effort().stream("drops")
+    of_type = itf.is_ball_of_type(scene.ball_value(), scene.ball_type())
+    rebounded = np.flatnonzero(np.isfinite(v_y2))
+    names, surface = groups_of(labels_of(table, "surface"), rebounded)
+    cor, sds = with_errors(table, _restitution_of)
+    through = Air.of(table, scene)
+    tests = list[Drops]()
+    for k, name in enumerate(names):
+        title = name or str(scene.surface.get("name", ""))
+        drops = rebounded[surface == k]
+        tests.append(_drops_on(title, table, drops, cor, sds, of_type, prior, rng, through))
+    return [(test, list(_restitutions(test, prior, rng))) for test in tests]
+
+
 def drop_test(
     table: ImpactTable,
     scene: Scene,
@@ -349,32 +386,14 @@ def drop_test(
     """
     import pandas as pd
 
-    v_y2 = velocity(table.values, "2").get("v_y2")
-    impacts = table.impacts
-    rows = list[dict[str, object]]()
-    if (
-        v_y2 is not None
-        and not table.has_tangential
-        and np.all(np.abs(impacts.v_x1) <= _NO_MOTION * impacts.v_y1)
-    ):
-        prior = prior_of_spread("cor_10_spread", "ball", scene, priors)
-        rng = Effort().stream("drops")
-        of_type = itf.is_ball_of_type(scene.ball_value(), scene.ball_type())
-        rebounded = np.flatnonzero(np.isfinite(v_y2))
-        names, surface = groups_of(labels_of(table, "surface"), rebounded)
-        cor, sds = with_errors(table, _restitution_of)
-        through = _Air.of(table, scene)
-        tests = list[_Drops]()
-        for k, name in enumerate(names):
-            title = name or str(scene.surface.get("name", ""))
-            drops = rebounded[surface == k]
-            tests.append(_drops_on(title, table, drops, cor, sds, of_type, prior, rng, through))
-        reference = next((test for test in tests if RIGID.search(test.surface)), None)
-        limits = itf.BALL_TYPES[scene.ball_type()]
-        for test in tests:
-            where = test.surface if len(tests) > 1 else ""
-            for restitution in _restitutions(test, prior, rng):
-                rows.append(_drop_row(test, reference, limits, where, restitution))
+    limits = itf.BALL_TYPES[scene.ball_type()]
+    found = drops_of(table, scene, priors)
+    reference = next((test for test, _ in found if RIGID.search(test.surface)), None)
+    rows = [
+        _drop_row(test, reference, limits, test.surface if len(found) > 1 else "", restitution)
+        for test, restitutions in found
+        for restitution in restitutions
+    ]
     ends = ("", "_q025", "_q975")
     lead = ["kind", "surface", "label", "drops", "speed"]
     results = [f"{name}{end}" for name in ("cor", "rebound") for end in ends]

@@ -110,7 +110,7 @@ def _rows(fit: Fitted) -> Iterator[dict[str, object]]:
         if row["kind"] == "mean":
             yield from _rows_of_mean(row)
     for row in _records(tests.pace):
-        label = _label(str(row["surface"]), str(row["place"]))
+        label = label_of(str(row["surface"]), str(row["place"]))
         meaning = "court pace rating by ITF CS 01/02, as measured"
         shares = {name: _number(row[name]) for name in itf.PACE_CATEGORIES}
         category = max(shares, key=shares.__getitem__)
@@ -129,7 +129,7 @@ def _records(frame: DataFrame) -> list[dict[str, object]]:
 
 def _rows_of_drops(row: Mapping[str, object], rule: str) -> Iterator[dict[str, object]]:
     """Rows of what was measured of a row of drops: a ball has its rebound, else its COR."""
-    label = _label(str(row["surface"]), str(row["label"]))
+    label = label_of(str(row["surface"]), str(row["label"]))
     for column, name, unit, meaning in _OF_KIND[str(row["kind"])]:
         value = _number(row[column])
         known = np.isfinite(_number(row["rebound"]))
@@ -144,7 +144,7 @@ def _rows_of_drops(row: Mapping[str, object], rule: str) -> Iterator[dict[str, o
 
 def _rows_of_mean(row: Mapping[str, object]) -> Iterator[dict[str, object]]:
     """Rows of the variance components."""
-    label = _label(str(row["surface"]), "")
+    label = label_of(str(row["surface"]), "")
     lead, unit = ("rebound", "m") if np.isfinite(_number(row["rebound"])) else ("cor", "")
     for of in ("balls", "repeats"):
         name = f"sd_{of}"
@@ -186,7 +186,7 @@ def _number(cell: object) -> float:
     return float(cell)
 
 
-def _label(*parts: str) -> str:
+def label_of(*parts: str) -> str:
     """What a name ends with: the labels that are there, in brackets."""
     labels = ", ".join(filter(None, parts))
     return f"[{labels}]" if labels else ""

@@ -12,6 +12,7 @@ import numpy as np
 
 from fitball.base import itf
 from fitball.base.values import FloatArray
+from fitball.data.scene import Scene
 from fitball.inference.density import cells
 from fitball.inference.derived import Quantity
 from fitball.inference.differences import central
@@ -182,8 +183,22 @@ def _ranges(problem: Problem) -> Iterator[Held]:
     for parameter in problem.parameters:
         if parameter.fixed is not None:
             held[parameter.spec.name] = parameter.fixed
-    ball = problem.scene.ball_value()
-    stated = problem.scene.ball_sd()
+    for entry in ball_ranges(problem.scene, held):
+        if entry.name not in problem.free:
+            yield entry
+    bases = {parameter.spec.name.partition("[")[0] for parameter in problem.parameters}
+    if problem.forward.model.tangential and "tilt" not in bases:
+        held["tilt"] = 0.0
+    for name, value in held.items():
+        reach = CAMERA_REACHES.get(name.partition("[")[0])
+        if reach is not None:
+            yield Held(name, value, value - reach, value + reach, 0.0)
+
+
+def ball_ranges(scene: Scene, held: Mapping[str, float]) -> Iterator[Held]:
+    """The constants of a scene's ball with their ranges, at the values of those that are `held`."""
+    ball = scene.ball_value()
+    stated = scene.ball_sd()
     tennis = itf.is_tennis_ball(ball)
     tolerated = itf.BALL_TOLERANCES if tennis else {}
     for name in BALL_PARAMETERS:
@@ -197,12 +212,5 @@ def _ranges(problem: Problem) -> Iterator[Held]:
         if sd is not None:
             low = value - STATED_SDS * sd
             high = value + STATED_SDS * sd
-        if name not in problem.free and low <= value <= high and low < high:
+        if low <= value <= high and low < high:
             yield Held(name, value, low, high, sd or 0.0)
-    bases = {parameter.spec.name.partition("[")[0] for parameter in problem.parameters}
-    if problem.forward.model.tangential and "tilt" not in bases:
-        held["tilt"] = 0.0
-    for name, value in held.items():
-        reach = CAMERA_REACHES.get(name.partition("[")[0])
-        if reach is not None:
-            yield Held(name, value, value - reach, value + reach, 0.0)
