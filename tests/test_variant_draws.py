@@ -9,7 +9,11 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 import fitball
+from fitball.data.load import load_data
 from fitball.data.scene import Scene
+from fitball.inference.density import log_posterior
+from fitball.inference.judgement import variants
+from fitball.inference.judgement.laws import values_under
 from fitball.inference.judgement.variant_draws import (
     corrected,
     first_draws,
@@ -20,6 +24,7 @@ from fitball.inference.judgement.variants import fit_variant
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.importance import effective_size
+from fitball.inference.search.best_fit import best_fit
 
 
 def draws_of_normal(rng, count):
@@ -103,3 +108,26 @@ def test_a_learnt_density_that_is_not_the_exact_one_is_not_used(function, is_lea
     means = [np.exp(each.log_weights) @ each.x[:, 0] for each in (drawn, more)]
     sd = np.sqrt(np.exp(more.log_weights) @ (more.x[:, 0] - means[1]) ** 2)
     assert_allclose(means[0], means[1], atol=0.3 * sd)
+
+
+def test_a_search_along_a_wall_goes_on_until_it_gains_little(monkeypatch):
+    """By the law of yielding bodies the slowest of Wang's impacts hardly has an answer: a search
+    for its best values creeps along where it has none.
+    """
+    read, scene = load_data(["wang_all.csv"], None, False)[:2]
+    problem, of_law = (
+        build_problem(read, scene, Choices(model)) for model in ("two-mass", "two-mass+cor=root")
+    )
+    values = best_fit(problem, np.random.default_rng(1)).optima[0]
+    start = of_law.coordinates(values_under("root", problem, values))[None]
+
+    def highest():
+        streams = [np.random.default_rng(seed) for seed in range(4)]
+        best = [fit_variant(of_law, start, stream).best for stream in streams]
+        return log_posterior(of_law, np.vstack(best))
+
+    after_all = highest()
+    monkeypatch.setattr(variants, "MOST_ROUNDS", 1)
+    after_one = highest()
+    assert np.all(after_all >= after_one)
+    assert after_all.mean() > after_one.mean() + 0.5

@@ -65,9 +65,10 @@ NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 PROBE_DRAWS = 20
 # Step of the grid of coordinates from which variants are searched, in widths of the priors.
 GRID = 0.001
-# Effective draws of an alternative at first. Of a normal distribution they give the median to 0.05
-# sds, and the ends of a 95 % interval to 0.1.
-EFFECTIVE_DRAWS = 700.0
+# Effective draws of an alternative at first. Of a normal distribution they give the median to 0.07
+# sds, and the ends of a 95 % interval to 0.15, twice that by FIRST_ERRORS: most moves are further
+# from the limit.
+EFFECTIVE_DRAWS = 500.0
 # Effective draws of the fit, with which all alternatives are compared, and where a move is not
 # surely above or below the limit.
 EFFECTIVE_OF_FIT = 2_000.0
@@ -75,10 +76,11 @@ EFFECTIVE_WHERE_UNSURE = 4_000.0
 # Effective draws of an alternative at most, and bounces for them: a long table has fewer draws.
 MOST_EFFECTIVE = 4_000.0
 MOST_BOUNCES = 5e5
-# Factor by which there are more draws where a move is not surely above or below the limit.
+# Factor by which there are more draws, at least, where a move is not surely above or below the
+# limit.
 MORE_DRAWS = 3.0
 # Monte Carlo errors from the limit beyond which a move is surely above or below it.
-SURE_BY_ERRORS = 3.0
+SURE_BY_ERRORS = 2.0
 # Monte Carlo error of a move, in sds, below which it is known well: a fortieth of the limit.
 MOVE_ERROR = 0.05
 # What all values rest on where a choice could not be tried.
@@ -120,7 +122,9 @@ def alternatives(
     density = log_posterior(base.problem, probes)
     tried = list[Alternative | _Variant]()
     changes = [*_single_changes(problem)]
-    for choice, instead_of, choices, changed in changes:
+    # Each has its own random numbers: what is done with one leaves the others as they are.
+    streams = rng.spawn(len(changes))
+    for (choice, instead_of, choices, changed), stream in zip(changes, streams, strict=True):
         try:
             posed = build_problem(
                 problem.table,
@@ -137,8 +141,8 @@ def alternatives(
             starts = search_starts(posed, point)
             if name == LAW_CHOICE:
                 starts = _starts_of_law(option, posed, problem, point)
-            there = fit_variant(posed, starts, rng, base)
-            tried.append(_first_look(choice, instead_of, fit, there, rng))
+            there = fit_variant(posed, starts, stream, base)
+            tried.append(_first_look(choice, instead_of, fit, there, stream))
         except FitballError as error:
             tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
     # A law of restitution says nothing of the motion along the court, the noise nothing of either.
@@ -296,8 +300,8 @@ def _first_look(
     there: FittedVariant,
     rng: np.random.Generator,
 ) -> Alternative | _Variant:
-    """A variant with its first draws. A law of restitution that fits surely worse has none, and no
-    summaries: no value rests on it, and draws take time.
+    """A variant with its first draws. One that fits surely worse has none, and no summaries: no
+    value rests on it, and draws take time.
 
     Raises:
         FitError: the variant has no answer about its best values (`no-answer`), or its weighted
@@ -305,11 +309,13 @@ def _first_look(
     """
     posed = there.problem
     gap = score_gap(fit.base, there)
-    if gap.worse and choice.startswith(f"{LAW_CHOICE}="):
+    if gap.worse:
         best = {name: float(value[0]) for name, value in posed.values(there.best[None]).items()}
         text = posed.forward.model.text
         return Alternative(choice, instead_of, text, best, {}, gap.score, gap.error, as_good=False)
     drawn = _some_draws(there, rng, EFFECTIVE_DRAWS)
+    if drawn.k > RELIABLE_K:
+        drawn = more_draws(there, drawn, rng, MORE_DRAWS * EFFECTIVE_DRAWS)
     if drawn.k > RELIABLE_K:
         text = f"Pareto k is {fixed(drawn.k, 2)}, more than {RELIABLE_K}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
@@ -323,7 +329,7 @@ def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternat
     enough = EFFECTIVE_DRAWS
     unsure = _unsure_moves(fit, variant)
     while enough < fit.most and any(error > MOVE_ERROR for _, error in unsure.values()):
-        enough = min(fit.most, MORE_DRAWS * enough)
+        enough = min(fit.most, max(MORE_DRAWS, _missing_factor(unsure)) * enough)
         drawn = more_draws(variant.there, variant.drawn, rng, enough)
         values, found = _weighed_draws(fit, variant.there, drawn)
         variant = variant._replace(drawn=drawn, values=values, weighed=found)
@@ -340,6 +346,16 @@ def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternat
         not gap.worse,
         better=gap.better,
         unsure=unsure,
+    )
+
+
+def _missing_factor(unsure: Mapping[str, tuple[float, float]]) -> float:
+    """The factor by which there must be more draws for each unsure move to be surely above or below
+    the limit, or known well: errors fall with the root of their number.
+    """
+    return max(
+        (error / max(MOVE_ERROR, abs(size - SHIFT_BY_CHOICE) / SURE_BY_ERRORS)) ** 2
+        for size, error in unsure.values()
     )
 
 
@@ -388,7 +404,12 @@ def _weighed_draws(
     count = 1 + len(drawn.x)
     found = {}
     for name, column in columns.items():
-        found[name] = weighed(column[1:count], np.exp(drawn.log_weights), float(column[0]))
+        found[name] = weighed(
+            column[1:count],
+            np.exp(drawn.log_weights),
+            float(column[0]),
+            drawn.optimism,
+        )
         if len(drawn.compared):
             found[name] = corrected(found[name], column[count:], drawn.exact_weights)
     best = {name: float(value[0]) for name, value in values.items()}

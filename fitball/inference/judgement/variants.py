@@ -27,11 +27,18 @@ WORSE_BY_SCORE = 4.0
 ROUGH_GAIN = 1e-2
 # Gain promised by a step from which last searches end: far below WORSE_BY_SCORE.
 FINE_GAIN = 1e-4
+# Rounds without such a gain of the best search after which all end: the best one counts alone, and
+# others creep along kinks.
+PATIENCE = 8
 # Draws about the best of the first searches at which the density is looked at: some lie beyond the
 # kinks that stop a search. How many is chosen by hand.
 DRAWS_AROUND = 300
 # The highest of these draws, from which is searched again. How many is chosen by hand.
 SEARCHES_AGAIN = 3
+# Gain in log density by such a round below which there is none after it, and rounds at most: along
+# a wall, beyond which the model has no answer, each search gains a little.
+GAIN_OF_ROUND = 0.05
+MOST_ROUNDS = 8
 # Rows of a long table, evenly spread, with which its maxima are looked for: enough to determine the
 # usual parameters.
 SEARCHED_ROWS = 100
@@ -80,17 +87,23 @@ def fit_variant(
     rows = evenly_spread(count, SEARCHED_ROWS if long else count)
     guess = problem if base is None else with_offsets_of(problem, base.law, base.best)
     first = guess.on_rows(rows)
-    x, cost, _ = descend(Objective(first), starts, ROUGH_GAIN)
+    x, cost, _ = descend(Objective(first), starts, ROUGH_GAIN, patience=PATIENCE)
     if not np.isfinite(cost.min()):
         text = f"no search of {problem.forward.model.text} found parameters with an answer"
         raise FitError(text, "no-answer")
-    best = x[np.argmin(cost)]
-    around = draws_about(first, proposal(first, best), rng, DRAWS_AROUND)
-    density = log_posterior(first, around)
-    order = np.argsort(-density, kind="stable")
-    law = learnt(problem, around[np.isfinite(density)][:TEACHING_DRAWS])
-    again = np.vstack([best, around[order[:SEARCHES_AGAIN]]])
-    x, cost, _ = descend(Objective(law.on_rows(rows)), again, FINE_GAIN)
+    law = problem
+    for _ in range(MOST_ROUNDS):
+        before = cost.min()
+        best = x[np.argmin(cost)]
+        around = draws_about(first, proposal(first, best), rng, DRAWS_AROUND)
+        density = log_posterior(first, around)
+        order = np.argsort(-density, kind="stable")
+        law = learnt(problem, around[np.isfinite(density)][:TEACHING_DRAWS])
+        again = np.vstack([best, around[order[:SEARCHES_AGAIN]]])
+        first = law.on_rows(rows)
+        x, cost, _ = descend(Objective(first), again, FINE_GAIN, patience=PATIENCE)
+        if before - cost.min() < GAIN_OF_ROUND:
+            break
     if long:
         highest = np.argsort(cost, kind="stable")[:FOLLOWED_MAXIMA]
         x, cost, _ = descend(Objective(law), x[highest], FINE_GAIN)
