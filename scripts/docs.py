@@ -1,5 +1,5 @@
 """Generated parts, links, words and commands of README.md and docs/: `docs.py [--check] [--run]
-[PAGE ...]`.
+[--site FOLDER] [PAGE ...]`.
 
 Without an option the generated parts are written from the code. `--check` names those that are out
 of date and links that lead nowhere, and counts words. `--run` runs the pages, each in a folder that
@@ -12,6 +12,9 @@ is empty at first (in DIR with `--keep DIR`, where it stays):
                    depend on the machine
 
 Words are counted without generated parts and output, and without pages for developers.
+
+`--site` builds the manual as a site, with the extras `docs` and `notebooks`
+(scripts/manual/build.py).
 """
 
 import argparse
@@ -82,8 +85,8 @@ def table(heads: str, rows: Iterable[Iterable[object]]) -> str:
 
 def load_script(name: str) -> ModuleType:
     """Another script of this folder as a module."""
-    place = Path(__file__).with_name(f"{name}.py")
-    spec = importlib.util.spec_from_file_location(name, place)
+    place = Path(__file__).parent / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(place.stem, place)
     if spec is None or spec.loader is None:
         raise ImportError(f"{place} is no module")
     module = importlib.util.module_from_spec(spec)
@@ -390,6 +393,18 @@ def run_pages(pages: Sequence[Path], keep: Path | None) -> int:
     return len(failed)
 
 
+def build_site(folder: Path) -> int:
+    """Build the manual as a site; 1 where it has a fault."""
+    manual: Any = load_script("manual/build")
+    try:
+        count = manual.build(folder)
+    except manual.SiteError as error:
+        print(error)
+        return 1
+    print(f"{count} pages in {folder}")
+    return 0
+
+
 def main() -> int:
     """Write, check or run as the options say; 1 where something is wrong."""
     parser = argparse.ArgumentParser(
@@ -399,6 +414,7 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--run", action="store_true")
     parser.add_argument("--keep", type=Path, metavar="DIR")
+    parser.add_argument("--site", type=Path, metavar="FOLDER")
     parser.add_argument("pages", nargs="*", type=Path, metavar="PAGE", help="to run (default: all)")
     arguments = parser.parse_args()
     bad = 0
@@ -406,7 +422,9 @@ def main() -> int:
         bad += check()
     if arguments.run:
         bad += run_pages(arguments.pages or PAGES, arguments.keep)
-    if not arguments.check and not arguments.run:
+    if arguments.site:
+        bad += build_site(arguments.site)
+    if not arguments.check and not arguments.run and not arguments.site:
         for page in PAGES:
             page.write_text(with_generated(page.read_text("utf-8")), "utf-8")
     return int(bad > 0)

@@ -6,6 +6,7 @@ pages      pages of all verbs in Chromium, 400 and 1280 px wide: errors, address
 ports      ports compiled and run; those without a compiler are skipped
 engines    recipes of the engine page in the physics engines themselves, with controls
 docs       generated parts, links, words, the commands of all pages, all examples of docstrings
+site       the manual as a site, in Chromium as `pages`; tutorials run as notebooks
 foreign    values and new measurements of balls that fitball's models are not
 hostile    damaged tables, scenes, fits, names and places
 studies    short runs of the studies, with their controls
@@ -29,7 +30,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -154,8 +155,9 @@ def run_command(*command: str | Path, cwd: Path = ROOT, **environment: str) -> s
     return lines[-1].strip("= ")
 
 
-def check_pages(work: Path) -> str:
-    """Make and show all pages. The control has faults, which must be found at both widths.
+def show_pages(work: Path, pages: Mapping[str, Path], may_load: str = "data:") -> str:
+    """Show pages, files below `work` by name, at both widths, each beside a control that has
+    faults. Pages may load what begins with `may_load`. How many views there were.
 
     Raises:
         FailedError: no Chromium is installed, or a page has faults.
@@ -163,19 +165,16 @@ def check_pages(work: Path) -> str:
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise FailedError("no Chromium is installed")
-    pages = {"control": CONTROL}
+    (work / "control.html").write_text(CONTROL, "utf-8")
+    watch = WATCH.replace("data:", may_load)
     frames = FRAMES
-    for name, words in PAGES.items():
-        fitball = Path(sys.executable).with_name("fitball")
-        run_command(fitball, *shlex.split(words), "--out", name, "--quiet", cwd=work)
-        pages[name] = next((work / name).glob("*.html")).read_text("utf-8")
-    for name, text in pages.items():
-        (work / f"{name}.html").write_text(text.replace("<head>", f"<head>{WATCH}", 1), "utf-8")
+    for name, path in {"control": work / "control.html", **pages}.items():
+        text = path.read_text("utf-8")
+        path.write_text(text.replace("<head>", f"<head>{watch}", 1), "utf-8")
+        address = path.relative_to(work).as_posix()
         for width in WIDTHS:
             label = f"{name} {width}"
-            frames += (
-                f"<iframe name='{label}' src={name}.html width={width} frameborder=0></iframe>"
-            )
+            frames += f"<iframe name='{label}' src={address} width={width} frameborder=0></iframe>"
     (work / "all.html").write_text(frames)
     flags = (
         "--headless",
@@ -190,19 +189,68 @@ def check_pages(work: Path) -> str:
     ).stdout
     title = answer.decode().partition("<title>")[2].partition("</title>")[0]
     faults_of_views = json.loads(html.unescape(title) or "{}")
-    bad = faults_of_pages(faults_of_views)
+    bad = faults_of_pages(faults_of_views, pages)
     if bad:
         raise FailedError("\n".join(bad))
     return f"{len(faults_of_views)} views"
 
 
-def faults_of_pages(faults_of_views: Mapping[str, Sequence[str]]) -> list[str]:
+def check_pages(work: Path) -> str:
+    """Make and show the pages of all verbs.
+
+    Raises:
+        FailedError: no Chromium is installed, a verb fails, or a page has faults.
+    """
+    pages = {}
+    for name, words in PAGES.items():
+        fitball = Path(sys.executable).with_name("fitball")
+        run_command(fitball, *shlex.split(words), "--out", name, "--quiet", cwd=work)
+        page = next((work / name).glob("*.html"))
+        pages[name] = page.rename(work / f"{name}.html")
+    return show_pages(work, pages)
+
+
+def packages_beside(work: Path, *requirements: str) -> Path:
+    """Install packages into a folder beside those of this Python, by a pip of its own.
+
+    Raises:
+        FailedError: they cannot be installed.
+    """
+    run_command(sys.executable, "-m", "venv", work / "pip")
+    python = work / "pip" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    pip = (python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+    run_command(*pip, "--no-deps", "--target", work / "packages", *requirements)
+    return work / "packages"
+
+
+def check_site(work: Path) -> str:
+    """Build the manual and show all of its pages; run the tutorials as notebooks.
+
+    Raises:
+        FailedError: packages cannot be installed, the manual has faults, or a notebook fails.
+    """
+    packages = str(packages_beside(work, "--requirement", str(ROOT / "requirements-docs.lock")))
+    site = work / "site"
+    docs = (sys.executable, "-P", "scripts/docs.py", "--site", site)
+    run_command(*docs, PYTHONPATH=packages)
+    pages = {}
+    for path in sorted(site.rglob("*.html")):
+        pages[path.relative_to(site).with_suffix("").as_posix()] = path
+    shown = show_pages(work, pages, "file:")
+    notebooks = (sys.executable, "-P", "scripts/notebooks.py", work / "notebooks", "--run")
+    return f"{shown}, {run_command(*notebooks, PYTHONPATH=packages)}"
+
+
+def faults_of_pages(
+    faults_of_views: Mapping[str, Sequence[str]],
+    pages: Iterable[str],
+) -> list[str]:
     """What is wrong with pages, by the faults that their views sent; a view is `PAGE WIDTH`."""
     bad = []
     for name, faults in faults_of_views.items():
         if faults and "control" not in name:
             bad.append(f"{name}: {'; '.join(faults)}")
-    expected = {f"{name} {width}" for name in [*PAGES, "control"] for width in WIDTHS}
+    expected = {f"{name} {width}" for name in [*pages, "control"] for width in WIDTHS}
     bad += [f"{name}: no answer" for name in sorted(expected - set(faults_of_views))]
     for width in WIDTHS:
         faults = faults_of_views.get(f"control {width}", [])
@@ -239,9 +287,7 @@ def check_types(work: Path) -> str:
     Raises:
         FailedError: pyright cannot be installed, or finds a fault.
     """
-    packages = work / "pyright"
-    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    run_command(*pip, "--target", packages, PYRIGHT)
+    packages = packages_beside(work, PYRIGHT)
     path = os.pathsep.join([str(packages / "bin"), os.environ["PATH"]])
     test = (sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider")
     return run_command(*test, "tests/test_types.py", PATH=path, PYTHONPATH=str(packages))
@@ -335,6 +381,7 @@ def run_part(work: Path, name: str, *version_and_end: str) -> str:
         "pages": check_pages,
         "readonly": check_readonly,
         "shapes": check_shapes,
+        "site": check_site,
         "types": check_types,
     }
     return checks[name](work)
@@ -342,7 +389,7 @@ def run_part(work: Path, name: str, *version_and_end: str) -> str:
 
 def main() -> int:
     """Run the parts and print a line for each; 1 where a part failed."""
-    names = ("pages", *COMMANDS, "readonly", "shapes", "types", "versions")
+    names = ("pages", *COMMANDS, "readonly", "shapes", "site", "types", "versions")
     parser = argparse.ArgumentParser(
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,

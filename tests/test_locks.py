@@ -1,4 +1,6 @@
-"""Pinned packages: what a user needs is in one list, what developers need besides in another."""
+"""Pinned packages: what a user needs is in one list, what developers need besides in another, and
+what the manual and notebooks are made with in a third.
+"""
 
 import re
 import subprocess
@@ -43,6 +45,9 @@ def pinned(name):
 
 USER = pinned("requirements.lock")
 DEVELOPER = pinned("requirements-dev.lock")
+MANUAL = pinned("requirements-docs.lock")
+# Extras of what the manual and notebooks are made with.
+MANUAL_EXTRAS = ("docs", "notebooks")
 
 
 def needed(texts):
@@ -67,6 +72,7 @@ def needed(texts):
 
 def test_a_package_is_pinned_once():
     assert not {*USER} & {*DEVELOPER}
+    assert not {*USER, *DEVELOPER} & {*MANUAL}
 
 
 def test_users_get_what_the_package_and_its_build_require_and_no_more():
@@ -76,8 +82,16 @@ def test_users_get_what_the_package_and_its_build_require_and_no_more():
 
 def test_developers_get_the_rest():
     extras = PROJECT["project"]["optional-dependencies"]
-    required = needed([text for texts in extras.values() for text in texts])
+    chosen = [texts for name, texts in extras.items() if name not in MANUAL_EXTRAS]
+    required = needed([text for texts in chosen for text in texts])
     assert required <= {*USER, *DEVELOPER}
+
+
+def test_the_manual_is_made_with_pinned_packages():
+    extras = PROJECT["project"]["optional-dependencies"]
+    required = needed([text for name in MANUAL_EXTRAS for text in extras[name]])
+    assert required <= {*USER, *DEVELOPER, *MANUAL}
+    assert {"sphinx", "furo", "jupytext", "nbclient"} <= {*MANUAL}
 
 
 def test_the_main_job_needs_none_of_the_packages_for_developers(tmp_path):
