@@ -35,13 +35,14 @@ CONTENTS = {
     "Further": ["films", "python", "ports"],
     "How it works": ["physics", "inference", "findings", "speed"],
     "Look up": ["reference", "api", "formats", "glossary"],
-    "The project": ["changelog", "contributing", "architecture", "support"],
+    "The project": ["changelog", "contributing", "architecture", "support", "security"],
 }
 # Pages of the project's own folder, by their name in the manual.
 PROJECT_PAGES = {
     "changelog": "CHANGELOG.md",
     "contributing": "CONTRIBUTING.md",
     "support": "SUPPORT.md",
+    "security": "SECURITY.md",
 }
 # Public names by section of the reference.
 API = {
@@ -136,7 +137,10 @@ def lay_out(folder: Path) -> None:
     (folder / "api.md").write_text(api_page(), encoding="utf-8")
     for name, source in PROJECT_PAGES.items():
         text = (ROOT / source).read_text(encoding="utf-8")
-        (folder / f"{name}.md").write_text(text.replace("](docs/", "]("), encoding="utf-8")
+        text = text.replace("](docs/", "](")
+        for other, file in PROJECT_PAGES.items():
+            text = text.replace(f"]({file})", f"]({other}.md)")
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
     index = folder / "index.md"
     index.write_text(index.read_text(encoding="utf-8") + contents_tree(), encoding="utf-8")
 
