@@ -183,6 +183,17 @@ def test_what_was_not_measured_at_ten_metres_a_second_has_a_value_at_the_median(
     assert offset[0] == pytest.approx(0.00237668043 + (1.75 - 10.0) * 1e-4)
 
 
+def test_a_slope_that_is_held_at_zero_has_no_rounding_errors():
+    slow = np.linspace(0.8, 2.7, 8)
+    problem = grip_slip(2.0 * slow, slow)
+    cor = np.linspace(0.6, 0.9, 200)
+    slopes = evaluated(problem, "cor_slope_median", {**SLIDING, "cor_10": cor, "cor_slope": 0.0})
+    assert_allclose(slopes, np.zeros(200), rtol=0.0, atol=0.0)
+    # One that is as small as any measured is not lost.
+    slopes = evaluated(problem, "cor_slope_median", {**SLIDING, "cor_10": cor, "cor_slope": -1e-6})
+    assert (slopes < 0.0).all()
+
+
 def test_each_level_has_its_quantity_and_is_judged_by_itself():
     both = {"surface": ("clay",) * 8 + ("hard",) * 8}
     slow = np.linspace(1.0, 3.0, 8)
