@@ -113,7 +113,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     parser.add_argument("--run", action="store_true")
     parser.add_argument("pages", nargs="*", type=Path, metavar="PAGE")
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()
     # Cells of bash call the fitball of this Python.
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     pages = arguments.pages or sorted(TUTORIALS.glob("*.md"))
