@@ -16,11 +16,11 @@ PLACE = (0, 1)
 PLACE_AND_RADIUS = (0, 1, 2)
 SHAPE = (0, 1, 2, 3, 4)
 EXPOSURE, BLUR = 5, 6
-SHARED = (0, 1, 2, EXPOSURE, BLUR)
 # Pixels that are used of a large ball.
 _MOST_PIXELS = 1200
-# Noise of the camera is at least so large, and felt and marks are a share of the contrast.
-_LEAST_NOISE = 2e-3
+# Noise of the camera is at least so large (that of half a level of 256 is more than 1e-3), and felt
+# and marks are a share of the contrast.
+LEAST_NOISE = 2e-3
 _TEXTURE = 0.06
 # Bounds of stretch, lean and blur.
 _BOUNDS = ((-0.25, 0.25), (-0.35, 0.35), (0.0, np.inf), (0.35, 3.0))
@@ -35,6 +35,8 @@ _FIRST_SHADES = 4
 # The shades of a picture whose x and y are exchanged.
 _TURNED = [0, 2, 1, 3, 4, 6, 5, 7, 8]
 _TURNED_SIGN = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+# Means of the shades over a disc.
+_MEAN_SHADES = np.array([1.0, 0.0, 0.0, 2.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.5])
 # Shades that hardly differ are kept apart by this share of their weight.
 _RIDGE = 1e-6
 # The fit ends when the sum of squares falls by less than this share.
@@ -49,6 +51,11 @@ class Fitted(NamedTuple):
     p: Annotated[FloatArray, "7"]
     sd: Annotated[FloatArray, "7"]
     quality: float
+
+
+def turned_light(light: Annotated[FloatArray, "... 9"]) -> Annotated[FloatArray, "... 9"]:
+    """Shades of a picture whose x and y are exchanged."""
+    return np.asarray(light[..., _TURNED] * _TURNED_SIGN)
 
 
 class Disc:
@@ -83,7 +90,7 @@ class Disc:
             self.gain = float(np.median(ratio))
             image = np.vstack([self.gain * image[:1], image[1:]])
             off = np.median(np.abs(image - back)[:, outside], axis=1)
-            noise = np.maximum(1.48 * off, _LEAST_NOISE)
+            noise = np.maximum(1.48 * off, LEAST_NOISE)
         inside = far < 0.7 * radius
         if inside.any():
             contrast = np.percentile(np.abs(image - back)[:, inside], 80, axis=1)
@@ -105,6 +112,9 @@ class Disc:
         self.look = np.ones((channels, 2, 2))
         # Factors of the colours of the last fit.
         self.factors: FloatArray = np.zeros((channels, 0))
+        # Shades of luma in the last fit, and their mean over the disc.
+        self.shades = np.zeros(kernels.SHADES)
+        self.brightness = 1.0
         # Residuals of each channel in the last fit over its noise.
         self.scatter: FloatArray = np.ones(channels)
 
@@ -116,7 +126,7 @@ class Disc:
         """Take the brightness of the ball as known but for a factor in each channel, and its look,
         marks turned, as known.
         """
-        light = light[:, _TURNED] * _TURNED_SIGN if self.turned else light
+        light = turned_light(light) if self.turned else light
         self.colours = np.ascontiguousarray(light[:, None, :])
         self.factors = np.zeros((len(light), 0))
         self.look = np.ascontiguousarray(np.swapaxes(look, 1, 2) if self.turned else look)
@@ -138,7 +148,7 @@ class Disc:
                 step = _solved(matrix, right, chosen, damping)
                 trial = p.copy()
                 trial[list(free)] += step[: len(free)]
-                trial = self._bounded(trial)
+                trial = self.bounded(trial)
                 other = factors + step[len(free) :]
                 normal = self._normal(trial, other.reshape(shape))
                 if normal[2][0].sum() < sums[0].sum():
@@ -161,6 +171,8 @@ class Disc:
         quality = (none - rest) / max(none - min(0.95 * weights, rest), 0.3 * none)
         self.factors = factors.reshape(shape)
         self.scatter = np.sqrt(sums[0] / sums[2])
+        self.shades = self.factors[0] @ self.colours[0]
+        self.brightness = float(self.shades @ _MEAN_SHADES)
         return Fitted(self._turn(p), self._turn(sd), float(quality))
 
     def lit(
@@ -194,7 +206,35 @@ class Disc:
         )
         return normal
 
-    def _bounded(self, p: FloatArray) -> FloatArray:
+    def luma_normal(
+        self,
+        p: Annotated[FloatArray, "7"],
+        brightness: float,
+        light: Annotated[FloatArray, "9"],
+    ) -> tuple[FloatArray, FloatArray, Annotated[FloatArray, "3"]]:
+        """Normal equations of luma alone where all shades are free: matrix, right side, and sums of
+        squares, of those of the background, of weights. The disc and its light are in the picture
+        whose rows are read downwards (`levelled`).
+        """
+        shades = brightness * np.eye(kernels.SHADES)[None]
+        matrix, right, sums = kernels.disc(
+            self.image[:1],
+            self.back[:1],
+            self.x,
+            self.y,
+            p,
+            self.velocity,
+            shades,
+            light[None],
+            self.look[:1],
+            self.noise[:1],
+            self.softer[:1],
+            self.upper,
+        )
+        return matrix, right, sums.sum(1)
+
+    def bounded(self, p: FloatArray) -> FloatArray:
+        """A disc within the bounds of its parameters."""
         p[2] = max(p[2], _LEAST_RADIUS)
         for place, (low, high) in zip(range(3, 7), _BOUNDS, strict=True):
             p[place] = min(max(p[place], low), high)

@@ -142,7 +142,13 @@ def _measured(
         # The ball flies smoothly: what moves its disc off that is its look.
         p[:, :2] = smoothed(spots.times[frames], p[:, :2], flights, quality > CLEAR)
         marks = _marks(clip, spots, chain, views, frames, p)
-        dress([fitting.discs[k] for k in frames.tolist()], p, marks, quality > CLEAR)
+        dress(
+            [fitting.discs[k] for k in frames.tolist()],
+            p,
+            marks,
+            quality > CLEAR,
+            fitting.upright_light(),
+        )
         if not fitting.sized():
             return None, "what moves is no disc of one look: no frame fits"
     discs = fitting.measured()

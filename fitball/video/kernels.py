@@ -449,6 +449,7 @@ def _covered(
     r, stretch, lean, exposure = p[2], p[3], p[4], p[5]
     length = math.hypot(velocity[0], velocity[1]) * exposure
     steps = int(min(max(math.ceil(length / (1.5 * blur + 0.1 * r)), 1.0), 31.0))
+    part = exposure / steps
     cover = 0.0
     for j in range(steps):
         share = (j + 0.5) / steps - 0.5
@@ -457,24 +458,26 @@ def _covered(
         v = ey / ((1.0 + stretch) * r)
         u = ex / r
         d = math.sqrt(u * u + v * v) + 1e-9
-        z = (1.0 - d) * r / blur
+        # How far the edge moves outwards here if the centre moves by one.
+        nu = u / d
+        nv = v / d / (1.0 + stretch)
+        along = nu * (velocity[0] - lean * velocity[1]) + nv * velocity[1]
+        # Within a step the edge moves evenly, which blurs it.
+        soft = math.sqrt(blur * blur + (along * part) ** 2 / 12.0)
+        z = (1.0 - d) * r / soft
         if z > _EDGE:
             cover += 1.0
         if abs(z) > _EDGE:
             continue
         cover += 0.5 * (1.0 + math.erf(z * math.sqrt(0.5)))
-        density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) / blur / steps
-        # How far the edge moves outwards here.
-        nu = u / d
-        nv = v / d / (1.0 + stretch)
+        density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) / soft / steps
         g[0] += density * nu
         g[1] += density * (nv - lean * nu)
         g[2] += density
         g[3] += density * nv * ey / (1.0 + stretch)
         g[4] += density * nu * ey
-        along = nu * (velocity[0] - lean * velocity[1]) + nv * velocity[1]
-        g[5] += density * share * along
-        g[6] -= density * z * p[6] / blur
+        g[5] += density * (share * along - z * part * along * along / (12.0 * steps * soft))
+        g[6] -= density * z * p[6] / soft
     return cover / steps
 
 

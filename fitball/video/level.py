@@ -51,7 +51,8 @@ def _edges(picture: Plane) -> tuple[float, float]:
     before, top, after = finer[best - 1 : best + 2]
     bend = before - 2.0 * top + after
     slope = fine[best] + (0.5 * (before - after) / bend * _FINE if bend < 0.0 else 0.0)
-    return float(slope), float(top / np.median(strength))
+    usual = float(np.median(strength))
+    return float(slope), float(top / usual) if usual > 0.0 else 0.0
 
 
 def _strength(bands: FloatArray, middles: FloatArray, slopes: FloatArray) -> FloatArray:

@@ -19,6 +19,10 @@ _PLACES_PER_RADIUS = (_SIZE - 1) / (2.0 * kernels.LOOK)
 _SMOOTH = 0.7
 _AXIS = np.linspace(-kernels.LOOK, kernels.LOOK, _SIZE)
 _U, _V = np.meshgrid(_AXIS, _AXIS)
+# Rings of places.
+_RINGS = (np.hypot(_U, _V) * _PLACES_PER_RADIUS).astype(int)
+# From 1 within to 0 at the rim.
+_INNER = np.clip((0.95 - np.hypot(_U, _V)) / 0.15, 0.0, 1.0)
 # Pixels of which the ball covers this share show it.
 _COVERED = 0.3
 # Fewest frames whose angles are known, by which texture is taken apart from light; how often.
@@ -71,6 +75,7 @@ def dress(
     fits: Annotated[FloatArray, "frames 7"],
     marks: Marks,
     clear: Annotated[BoolArray, "frames"],
+    luma: Annotated[FloatArray, "9"],
 ) -> None:
     """Give each disc the light and the look of the ball, with marks turned by its angle, from the
     frames that show it clearly as discs `fits`.
@@ -78,7 +83,9 @@ def dress(
     rows = np.flatnonzero(clear)
     pixels = _pixels([discs[k] for k in rows.tolist()], fits[rows])
     light = _light(pixels)
-    still = _map(pixels.place, pixels, _shaded(light, pixels.place))
+    plain = luma @ _shades(pixels.place)
+    light[0] = luma * (pixels.brightness[0] @ plain) / (plain @ plain)
+    still = _inner(_map(pixels.place, pixels, _shaded(light, pixels.place)))
     own = still
     texture = np.ones_like(still)
     angles = marks.angle[rows]
@@ -88,8 +95,8 @@ def dress(
         plain = _shaded(light, pixels.place)
         own = np.ones_like(still)
         for _ in range(_TIMES):
-            texture = _map(turned, pixels, plain * _sampled(own, pixels.place))
-            own = _map(pixels.place, pixels, plain * _sampled(texture, turned))
+            texture = _even(_map(turned, pixels, plain * _sampled(own, pixels.place)))
+            own = _inner(_map(pixels.place, pixels, plain * _sampled(texture, turned)))
     grid = np.stack([_U, _V])
     for disc, turn in zip(discs, marks.angle, strict=True):
         look = still
@@ -153,6 +160,20 @@ def _map(
         squares = gathered(base * base * pixels.weight) + prior
         factors.append(np.maximum(products / squares, _DARKEST))
     return np.stack(factors)
+
+
+def _inner(look: Annotated[FloatArray, "channels n n"]) -> Annotated[FloatArray, "channels n n"]:
+    """A look that is 1 at the rim, where it could make up for a radius that is off."""
+    return np.asarray(1.0 + _INNER * (look - 1.0))
+
+
+def _even(look: Annotated[FloatArray, "channels n n"]) -> Annotated[FloatArray, "channels n n"]:
+    """A look whose mean over each ring is 1: no more than marks."""
+    means = [np.bincount(_RINGS.ravel(), channel.ravel()) for channel in look]
+    counts = np.bincount(_RINGS.ravel())
+    return np.stack(
+        [channel / (mean / counts)[_RINGS] for channel, mean in zip(look, means, strict=True)]
+    )
 
 
 def _sampled(look: Annotated[FloatArray, "channels n n"], place: FloatArray) -> FloatArray:

@@ -14,13 +14,15 @@ from fitball.base.values import FloatArray, IntArray
 from fitball.video.disc import (
     BLUR,
     EXPOSURE,
+    LEAST_NOISE,
     PLACE,
     PLACE_AND_RADIUS,
     SHAPE,
-    SHARED,
     Disc,
     Fitted,
+    turned_light,
 )
+from fitball.video.shared import common_of
 from fitball.video.types import Clip, Estimate
 from fitball.video.views import Course, View
 
@@ -33,7 +35,7 @@ LEAST_FRAMES = 6
 _USUAL_EXPOSURE = 0.3
 _USUAL_BLUR = 0.9
 # Frames by which exposure and blur are found.
-_CLEAR_FRAMES = 16
+_CLEAR_FRAMES = 24
 # A disc beyond what was seen is this near where its flight goes on, in radii and pixels; after so
 # many that are not the ball is gone.
 _NEAR_RADII = 0.35
@@ -70,7 +72,7 @@ class Discs:
     @property
     def radius(self) -> float:
         """The median radius [px]."""
-        return float(np.median(self.radius_free[self.quality > SEEN]))
+        return float(np.median(self.p[self.quality > SEEN, 2]))
 
 
 def _lasting(pulls: Annotated[FloatArray, "frames"], frames: IntArray) -> float:
@@ -106,6 +108,8 @@ class Fitting:
         self.places = {k: places[k] for k in views}
         self.discs: dict[int, Disc] = {}
         self.fits: dict[int, Fitted] = {}
+        self.radius_sd = np.nan
+        self.light: FloatArray = np.zeros(0)
 
     def begin(self) -> None:
         """First discs: of frames with spots, then outwards as long as they follow the flight."""
@@ -151,19 +155,47 @@ class Fitting:
         """The noise of each channel by what the ball's discs leave of it."""
         scatter = np.median([self.discs[k].scatter for k in self.clear()], axis=0)
         for disc in self.discs.values():
-            disc.noise = disc.noise * scatter
+            disc.noise = np.maximum(disc.noise * scatter, LEAST_NOISE)
 
     def share(self) -> None:
-        """Exposure and blur by the frames that show them best: those of fast balls."""
+        """Exposure, blur, light and the radius of the ball by frames all over its flights."""
         clear = self.clear()
-        speed = {k: float(np.hypot(*self.views[k].velocity)) for k in clear}
-        best = sorted(clear, key=lambda k: -speed[k] * self.fits[k].quality)[:_CLEAR_FRAMES]
-        loose = []
-        for k in best:
-            start = self.fits[k].p.copy()
-            start[EXPOSURE:] = self.shared
-            loose.append(self.discs[k].fit(start, SHARED, 12).p[EXPOSURE:])
-        self.shared = np.median(loose, axis=0)
+        usual = float(np.median([self.fits[k].quality for k in clear]))
+        best = [k for k in clear if self.fits[k].quality >= usual]
+        places = np.linspace(0, len(best) - 1, min(len(best), _CLEAR_FRAMES)).astype(int)
+        chosen = [best[place] for place in places]
+        radii = self._smooth_radii()
+        starts = np.array([self.fits[k].p for k in chosen])
+        starts[:, 2] = [radii[k] for k in chosen]
+        starts[:, 3:5] = 0.0
+        starts[:, EXPOSURE:] = self.shared
+        if self.turned:
+            starts[:, :2] = starts[:, 1::-1]
+        discs = [self.discs[k] for k in chosen]
+        brightness = np.array([disc.brightness for disc in discs])
+        brightness /= np.median(brightness)
+        if not self.light.size:
+            self.light = np.mean([disc.shades for disc in discs], axis=0)
+        common = common_of(discs, starts, self.light, brightness)
+        self.radius = float(np.median([radii[k] for k in clear])) + common.radius
+        self.radius_sd = common.radius_sd
+        self.shared = np.array([common.exposure, common.blur])
+        self.light = common.light
+
+    def upright_light(self) -> Annotated[FloatArray, "9"]:
+        """The shades of luma that all discs share, in the upright picture."""
+        return turned_light(self.light) if self.turned else self.light
+
+    def _smooth_radii(self) -> dict[int, float]:
+        """The radius of each frame [px], by those about it."""
+        frames = np.array(sorted(self.fits))
+        free = np.array([self.fits[k].p[2] for k in frames])
+        clear = np.array([self.fits[k].quality > SEEN for k in frames])
+        radii = {}
+        for k in frames.tolist():
+            near = clear & (np.abs(frames - k) <= _SMOOTH)
+            radii[k] = float(np.median(free[near])) if near.any() else self.radius
+        return radii
 
     def free_radii(self) -> None:
         """Radii anew with what is shared, and the radius of the ball."""
@@ -171,9 +203,6 @@ class Fitting:
             start = fit.p.copy()
             start[EXPOSURE:] = self.shared
             self.fits[k] = self.discs[k].fit(start, PLACE_AND_RADIUS)
-        clear = self.clear()
-        if clear:
-            self.radius = float(np.median([self.fits[k].p[2] for k in clear]))
 
     def row_time(self) -> tuple[Estimate, Annotated[FloatArray, "2"]]:
         """Row time [s/px], and the stretch and lean that light makes. Rows that are read later
@@ -234,12 +263,12 @@ class Fitting:
         """Places of all frames, with radii smoothed and shapes as the row time makes them."""
         frames = np.array(sorted(self.fits))
         free = np.array([self.fits[k].p[2] for k in frames])
-        clear = np.array([self.fits[k].quality > SEEN for k in frames])
+        radii = self._smooth_radii()
+        larger = self.radius / float(np.median([radii[k] for k in self.clear()]))
         last = []
         for k in frames.tolist():
-            near = clear & (np.abs(frames - k) <= _SMOOTH)
             start = self.fits[k].p.copy()
-            start[2] = np.median(free[near]) if near.any() else self.radius
+            start[2] = larger * radii[k]
             velocity = np.array(self._velocity(k))
             start[3:5] = constant + row_time.value * velocity
             start[EXPOSURE:] = self.shared
