@@ -25,7 +25,7 @@ def test_every_page_is_in_the_contents_once():
     assert {"start", "tutorials/student", "physics"} <= {*in_contents}
     assert all((ROOT / source).is_file() for source in manual.PROJECT_PAGES.values())
     tree = manual.contents_tree()
-    assert re.findall(r"^[a-z/]+$", tree, re.MULTILINE) == in_contents
+    assert re.findall(r"(?:^|<)([a-z/]+)>?$", tree, re.MULTILINE) == in_contents
 
 
 def test_every_public_name_is_in_the_reference_once():
@@ -41,7 +41,10 @@ def test_pages_of_the_project_link_to_pages_of_the_manual(tmp_path, monkeypatch)
     monkeypatch.setattr(manual, "add_notebooks", lambda folder: None)
     manual.lay_out(tmp_path)
     for name, source in manual.PROJECT_PAGES.items():
-        assert "](docs/" not in (tmp_path / f"{name}.md").read_text("utf-8"), source
+        text = (tmp_path / f"{name}.md").read_text("utf-8")
+        assert "](docs/" not in text, source
+        assert f"]({source}" not in text, source
+    assert "](readme.md#a-result)" in (tmp_path / "findings.md").read_text("utf-8")
     page = (tmp_path / "physics.md").read_text("utf-8")
     assert page == (ROOT / "docs/physics.md").read_text("utf-8")
 

@@ -35,14 +35,24 @@ CONTENTS = {
     "Further": ["films", "python", "ports"],
     "How it works": ["physics", "inference", "findings", "speed"],
     "Look up": ["reference", "api", "formats", "glossary"],
-    "The project": ["changelog", "contributing", "architecture", "support", "security"],
+    "The project": [
+        "readme",
+        "changelog",
+        "contributing",
+        "architecture",
+        "support",
+        "security",
+        "conduct",
+    ],
 }
 # Pages of the project's own folder, by their name in the manual.
 PROJECT_PAGES = {
+    "readme": "README.md",
     "changelog": "CHANGELOG.md",
     "contributing": "CONTRIBUTING.md",
     "support": "SUPPORT.md",
     "security": "SECURITY.md",
+    "conduct": "CODE_OF_CONDUCT.md",
 }
 # Public names by section of the reference.
 API = {
@@ -107,7 +117,8 @@ def contents_tree() -> str:
     """The tree of contents, which Sphinx shows at the side of each page."""
     trees = []
     for caption, names in CONTENTS.items():
-        lines = "\n".join(names)
+        # Its title is that of the front page.
+        lines = "\n".join("README <readme>" if name == "readme" else name for name in names)
         trees.append(f"```{{toctree}}\n:hidden:\n:caption: {caption}\n:maxdepth: 2\n\n{lines}\n```")
     return "\n\n" + "\n\n".join(trees) + "\n"
 
@@ -135,12 +146,15 @@ def lay_out(folder: Path) -> None:
     shutil.copytree(DOCS, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("paper"))
     add_notebooks(folder / "tutorials")
     (folder / "api.md").write_text(api_page(), encoding="utf-8")
+    shutil.copy(ROOT / "CITATION.cff", folder)
     for name, source in PROJECT_PAGES.items():
-        text = (ROOT / source).read_text(encoding="utf-8")
-        text = text.replace("](docs/", "](")
-        for other, file in PROJECT_PAGES.items():
-            text = text.replace(f"]({file})", f"]({other}.md)")
+        text = (ROOT / source).read_text(encoding="utf-8").replace("](docs/", "](")
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    for page in folder.glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        for name, source in PROJECT_PAGES.items():
+            text = re.sub(rf"\]\((\.\./)?{re.escape(source)}", f"]({name}.md", text)
+        page.write_text(text, encoding="utf-8")
     index = folder / "index.md"
     index.write_text(index.read_text(encoding="utf-8") + contents_tree(), encoding="utf-8")
 
