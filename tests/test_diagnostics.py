@@ -144,3 +144,10 @@ def test_the_shape_of_a_known_tail():
     ratios = tail_of(0.6, 50_000, rng)
     _, k = diagnostics.pareto_smoothed_tail(ratios, 670)
     assert k == pytest.approx(0.6, abs=0.12)
+
+
+@pytest.mark.parametrize("k", [-0.7, -1e-3, -1e-12, -1e-300, 0.0, 1e-300, 1e-12, 1e-3, 0.4, 1.2])
+def test_quantiles_of_the_pareto_tail_are_those_of_scipy(k):
+    """Those of the exponential distribution where there is no shape."""
+    share = (np.arange(500) + 0.5) / 500
+    assert_allclose(diagnostics._pareto_quantiles(k, 500), genpareto.ppf(share, k), rtol=1e-12)

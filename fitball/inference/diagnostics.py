@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import exprel, ndtri
 
 from fitball.base.values import FloatArray
 
@@ -83,13 +83,12 @@ def pareto_smoothed_tail(
 
 def _pareto_quantiles(k: float, count: int) -> Annotated[FloatArray, "excesses"]:
     """The quantiles of the generalised Pareto distribution of unit scale in the middles of so many
-    equal shares.
+    equal shares. With those x of the exponential distribution, its limit of no shape, they are
+    (e^(k x) - 1)/k.
     """
     share = (np.arange(count) + 0.5) / count
     exponential = -np.log1p(-share)
-    if abs(k) > 0.0:
-        return np.asarray(np.expm1(k * exponential) / k)
-    return np.asarray(exponential)
+    return np.asarray(exponential * exprel(k * exponential))
 
 
 def _pareto(excesses: Annotated[FloatArray, "excesses"]) -> tuple[float, float]:

@@ -39,7 +39,7 @@ from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices, Problem, base_of
 from fitball.inference.sampling.importance import RELIABLE_K
 from fitball.inference.schema import Alternative, Constant, Judgement, PointFit, Summary
-from fitball.inference.search.best_fit import raise_friction
+from fitball.inference.search.limits import raise_friction
 from fitball.models.model import Model
 from fitball.models.registry import LAW_CHOICE, option_variants
 from fitball.models.registry import model as model_of
