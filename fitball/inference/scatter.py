@@ -22,9 +22,11 @@ from fitball.inference.noise import LOG_TAU
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 # Depth below the peak at which an integrand ends: e^-42 is below the last digit of a double.
 DEPTH = 42.0
-# Steps of Newton for peaks, and for the places at that depth: both converge from one side.
+# Steps of Newton at most for peaks, and for the places at that depth: both converge from one side.
 PEAK_STEPS = 40
 END_STEPS = 40
+# Step in s from which they have converged: the next is below the last digit.
+LAST_STEP = 1e-9
 # Step of the table in L, over the width in s of what blurs its sharpest bend, and its largest:
 # Hermite's cubic is then exact to 1e-9.
 TABLE_STEP = 0.05
@@ -141,7 +143,10 @@ class ScatterIntegral:
         for _ in range(PEAK_STEPS):
             squares = np.exp(log_squares - 2.0 * s)
             slope = squares - self.count - precision * (s - prior.location)
-            s = s + slope / (2.0 * squares + precision)
+            step = slope / (2.0 * squares + precision)
+            s = s + step
+            if np.abs(step).max(initial=0.0) < LAST_STEP:
+                break
         # Of a truncated density the peak may be at a bound, with a slope.
         peak = np.clip(s, prior.lower, prior.upper)
         squares = np.exp(log_squares - 2.0 * peak)
@@ -156,7 +161,10 @@ class ScatterIntegral:
             drop = (0.5 * precision * right - np.minimum(slope, 0.0)) * right
             drop = drop + squares * (right - 0.5 * fall)
             rate = precision * right - np.minimum(slope, 0.0) + squares * fall
-            right = right - (drop - DEPTH) / rate
+            step = (drop - DEPTH) / rate
+            right = right - step
+            if np.abs(step).max(initial=0.0) < LAST_STEP:
+                break
         left = np.minimum(left, peak - prior.lower)
         right = np.minimum(right, prior.upper - peak)
         return peak - left, left + right

@@ -17,9 +17,9 @@ from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.importance import (
     effective_size,
     fit_mixture,
-    importance,
     pareto_smoothed,
 )
+from fitball.inference.sampling.target import adapted, target_of
 from fitball.inference.schema import Summary
 from fitball.inference.summary import QUANTILE_SHARES
 
@@ -31,7 +31,7 @@ LEAST_ADDED = 1000.0
 # More draws at a time over those that seem to be missing: the effective size is an estimate.
 ADDED_AT_ONCE = 1.1
 # Draws at most, over the effective draws that are wanted: unequal weights lower the effective size.
-MOST_DRAWS = 5.0
+MOST_DRAWS = 3.0
 # Errors of first draws over what their weights say. These adapt the proposals, and draws that the
 # proposals miss leave no sign: over six tables medians and ends of two streams differed by 1.4 to
 # 2.2 times what weights said, those of draws from mixtures fitted before by 1.05 to 1.3 times.
@@ -83,15 +83,14 @@ def _adaptive(
     enough: float,
 ) -> Drawn:
     """Draws of a variant from the density of `law`, with nothing to compare."""
-    x, log_weights, k = importance(
-        lambda q: log_posterior(law, q),
-        [variant.about],
-        rng,
-        enough,
-    )
-    if len(x):
+    target = target_of(law)
+    weighted, evaluated = adapted(target, target.begin([variant.about]), rng, enough)
+    x = np.empty((0, len(law.free)))
+    log_weights = weighted.log_weights
+    if len(weighted.x):
         log_weights = pareto_smoothed(log_weights, 1.0)[0]
-    return Drawn(law, x, log_weights, k, x[:0], log_weights[:0])
+        x = target.complete(weighted.x, evaluated, rng)[0]
+    return Drawn(law, x, log_weights, weighted.k, x[:0], log_weights[:0])
 
 
 def more_draws(
@@ -103,13 +102,16 @@ def more_draws(
     """Draws of a variant in place of fewer, from a mixture that is fitted to these, until so many
     are effective or there are MOST_DRAWS times as many.
     """
-    alike = drawn.x[systematic(np.exp(drawn.log_weights), len(drawn.x), rng.uniform())]
+    target = target_of(drawn.law)
+    places = systematic(np.exp(drawn.log_weights), len(drawn.x), rng.uniform())
+    alike = target.sampled(drawn.x[places])
+    (about,) = target.begin([variant.about])
     fitted = [(FITTED_SHARE * share, student) for share, student in fit_mixture(alike, rng)]
-    proposals = [*fitted, (1.0 - sum(share for share, _ in fitted), variant.about)]
+    proposals = [*fitted, (1.0 - sum(share for share, _ in fitted), about)]
     shares = [share for share, _ in proposals]
-    x = drawn.x[:0]
+    x = alike[:0]
+    evaluated = np.empty((0, target.numbers))
     log_ratios = drawn.log_weights[:0]
-    size = 0.0
     wanted = LEAST_ADDED
     while wanted >= 1.0:
         counts = rng.multinomial(round(wanted), shares)
@@ -117,9 +119,11 @@ def more_draws(
             [student.draw(rng, n) for n, (_, student) in zip(counts, proposals, strict=True)]
         )
         mixed = [np.log(share) + student.log_density(new) for share, student in proposals]
-        ratios = log_posterior(drawn.law, new) - np.logaddexp.reduce(mixed)
+        found = target.evaluate(new)
+        ratios = found[:, 0] - np.logaddexp.reduce(mixed)
         possible = np.isfinite(ratios)
         x = np.concatenate([x, new[possible]])
+        evaluated = np.concatenate([evaluated, found[possible]])
         log_ratios = np.concatenate([log_ratios, ratios[possible]])
         if not len(x):
             return drawn
@@ -128,6 +132,7 @@ def more_draws(
         room = MOST_DRAWS * enough - len(x)
         wanted = 0.0 if size >= enough else min(missing, room)
     log_weights, k = pareto_smoothed(log_ratios, 1.0)
+    x = target.complete(x, evaluated, rng)[0]
     return drawn._replace(x=x, log_weights=log_weights, k=k, optimism=1.0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ from fitball.inference.scatter import ScatterIntegral
 
 # Draws whose scatter is drawn at once.
 COMPLETED_AT_ONCE = 4_000
+# Integrals that are kept with their tables, at most some MB each.
+KEPT_INTEGRALS = 16
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,12 @@ class Target:
     def begin(self, proposals: Sequence[Student]) -> list[Student]:
         """Proposals for the coordinates of the problem, in those that are sampled."""
         return [*proposals]
+
+    def sampled(
+        self, q: Annotated[FloatArray, "draws free"]
+    ) -> Annotated[FloatArray, "draws coordinates"]:
+        """Those of the coordinates of the problem that are sampled."""
+        return q
 
     def complete(
         self,
@@ -149,6 +158,10 @@ class Integrated(Target):
             margins.append(Student(student.centre[self.kept], factor, student.freedom))
         return margins
 
+    def sampled(self, q: FloatArray) -> FloatArray:
+        """The coordinates without the scatters."""
+        return q[:, self.kept]
+
     def complete(
         self,
         q: FloatArray,
@@ -172,6 +185,12 @@ class Integrated(Target):
         return whole, score
 
 
+@lru_cache(maxsize=KEPT_INTEGRALS)
+def _integral_of(prior: LogNormal, count: int) -> ScatterIntegral:
+    """The integral of a scatter, with its table: variants of a fit have the same scatters."""
+    return ScatterIntegral(prior, count)
+
+
 def target_of(problem: Problem) -> Target:
     """What is sampled of a problem. Scatter is integrated out where the likelihood is normal, rows
     have no errors of their own, no parameter has levels, and the prior of the scatter is lognormal.
@@ -190,7 +209,7 @@ def target_of(problem: Problem) -> Target:
         prior = problem.prior.parameters[place].prior
         if isinstance(prior, LogNormal):
             columns = np.array(own, dtype=np.int64)
-            scatters.append(_Scatter(place, columns, ScatterIntegral(prior, count)))
+            scatters.append(_Scatter(place, columns, _integral_of(prior, count)))
     if not scatters or len(scatters) == len(problem.free):
         return plain
     gone = {problem.free[scatter.place] for scatter in scatters}
