@@ -16,6 +16,7 @@ from fitball.data.scene import BallSection, CameraSection, Scene
 from fitball.inference.density import log_posterior, pointwise
 from fitball.inference.derived import Quantity
 from fitball.inference.judgement import assumptions as module
+from fitball.inference.judgement import variant_draws
 from fitball.inference.judgement.assumptions import (
     alternatives,
     what_values_rest_on,
@@ -296,7 +297,8 @@ def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
     problem = problem_of(table_of(REBOUND, count=12), None, "grip-slip", fix=NOISE)
     fit = dict.fromkeys(problem.free, Summary(0.0, 0.0, 1.0, -2.0, -1.0, 1.0, 2.0))
     for reliable in (0.7, -1.0):
-        monkeypatch.setattr(module, "RELIABLE_K", reliable)
+        monkeypatch.setattr(variant_draws, "RELIABLE_K", reliable)
+        monkeypatch.setattr(variant_draws, "DOUBTFUL_K", reliable)
         heavy_tails = heavy_tails_of(problem)
         assert bool(heavy_tails.reason) == (reliable < 0.0)
         assert bool(heavy_tails.summaries) != bool(heavy_tails.reason)

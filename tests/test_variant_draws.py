@@ -15,6 +15,7 @@ from fitball.inference.density import log_posterior
 from fitball.inference.judgement import variants
 from fitball.inference.judgement.laws import values_under
 from fitball.inference.judgement.variant_draws import (
+    Drawn,
     corrected,
     first_draws,
     more_draws,
@@ -131,3 +132,20 @@ def test_a_search_along_a_wall_goes_on_until_it_gains_little(monkeypatch):
     after_one = highest()
     assert np.all(after_all >= after_one)
     assert after_all.mean() > after_one.mean() + 0.5
+
+
+def test_draws_are_reliable_by_k_and_their_number():
+    def drawn(k, count):
+        log_weights = np.full(count, -np.log(max(count, 1)))
+        return Drawn(None, np.zeros((count, 1)), log_weights, k, np.zeros((0, 1)), np.zeros(0))
+
+    cases = [(0.7, 50, True), (0.8, 400, True), (0.8, 200, False), (0.9, 4000, False)]
+    for k, count, reliable in cases:
+        assert drawn(k, count).reliable is reliable
+    assert not drawn(np.inf, 0).reliable
+
+
+def test_first_draws_say_that_their_errors_are_larger():
+    values, weights = draws_of_normal(np.random.default_rng(3), 500)
+    exact = weighed(values, weights, 0.0)
+    assert weighed(values, weights, 0.0, 1.7).median == pytest.approx(1.7 * exact.median, rel=0.2)

@@ -314,9 +314,10 @@ def _first_look(
         text = posed.forward.model.text
         return Alternative(choice, instead_of, text, best, {}, gap.score, gap.error, as_good=False)
     drawn = _some_draws(there, rng, EFFECTIVE_DRAWS)
-    if drawn.k > RELIABLE_K:
-        drawn = more_draws(there, drawn, rng, MORE_DRAWS * EFFECTIVE_DRAWS)
-    if drawn.k > RELIABLE_K:
+    for enough in (MORE_DRAWS * EFFECTIVE_DRAWS, fit.most):
+        if not drawn.reliable:
+            drawn = more_draws(there, drawn, rng, enough)
+    if not drawn.reliable:
         text = f"Pareto k is {fixed(drawn.k, 2)}, more than {RELIABLE_K}"
         raise FitError(f"its weighted draws are not reliable: {text}", "unreliable")
     return _Variant(choice, instead_of, there, gap, drawn, *_weighed_draws(fit, there, drawn))

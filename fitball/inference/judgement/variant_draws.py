@@ -15,6 +15,7 @@ from fitball.inference.density import log_posterior
 from fitball.inference.judgement.variants import FittedVariant
 from fitball.inference.problem.problem import Problem
 from fitball.inference.sampling.importance import (
+    RELIABLE_K,
     effective_size,
     fit_mixture,
     pareto_smoothed,
@@ -36,6 +37,10 @@ MOST_DRAWS = 3.0
 # proposals miss leave no sign: over six tables medians and ends of two streams differed by 1.4 to
 # 2.2 times what weights said, those of draws from mixtures fitted before by 1.05 to 1.3 times.
 FIRST_ERRORS = 1.7
+# Pareto k up to which draws are reliable that are so many, by their weights. A single draw may
+# raise k above RELIABLE_K; beyond this, streams disagree by many of their errors.
+DOUBTFUL_K = 0.85
+LEAST_SIZE = 300.0
 # Draws of a learnt density at which the exact one is compared with it.
 COMPARED_DRAWS = 300
 # Share of these draws that is effective under weights by the exact density, below which a learnt
@@ -58,6 +63,12 @@ class Drawn(NamedTuple):
     compared: Annotated[FloatArray, "compared coordinates"]
     exact_weights: Annotated[FloatArray, "compared"]
     optimism: float = FIRST_ERRORS
+
+    @property
+    def reliable(self) -> bool:
+        """Whether means of the draws may be used: by Pareto k, which is itself known to a tenth."""
+        size = effective_size(self.log_weights) if len(self.x) else 0.0
+        return self.k <= RELIABLE_K or (self.k <= DOUBTFUL_K and size >= LEAST_SIZE)
 
 
 def first_draws(variant: FittedVariant, rng: np.random.Generator, enough: float) -> Drawn:
