@@ -8,7 +8,13 @@ from fitball.base.errors import ParameterError
 from fitball.base.numbers import Unit
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.batches import charts
-from fitball.batches.control import Charting, control_charts, control_frame, in_order
+from fitball.batches.control import (
+    Charting,
+    control_charts,
+    control_frame,
+    in_order,
+    why_no_chart,
+)
 from fitball.batches.control_page import control_lines
 from fitball.batches.many import batch_of
 from fitball.batches.page import figures
@@ -199,7 +205,10 @@ def test_tables_that_failed_are_left_out_of_a_chart():
 
 
 def test_few_tables_have_no_chart():
-    assert control_charts(*_tables(_values(9)), Charting()) == ()
+    few = _tables(_values(9))
+    assert control_charts(*few, Charting()) == ()
+    assert " 9 tables have " in why_no_chart(*few)
+    assert why_no_chart(*_tables(_values(1))) == ""
 
 
 @pytest.mark.parametrize("baseline", [-1, 4, 31])

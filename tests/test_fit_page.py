@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 from support.fit_by_hand import fit_by_hand, table_of
 
+import fitball
 from fitball.base import itf
 from fitball.base.numbers import percent
 from fitball.data.scene import Scene
@@ -59,6 +60,20 @@ def tone_of(z):
     if abs(z) > 2.0:
         return "part"
     return ""
+
+
+def test_speeds_of_heights_are_named_as_the_table_has_them():
+    frame = pd.DataFrame({"drop_height [cm]": 254.0, "rebound_height [cm]": 140.0 + np.arange(8)})
+    fit = fitball.calibrate(frame, point_only=True, progress=False)
+    (measured,) = fit_words.data_lines(fit)
+    assert "rebound_height" in measured
+    # The median is 143.5 cm; v dv = g dh, and the air brakes a little of it.
+    sd = float(fit.summary["point"]["v_y_sd"])
+    rise = float(re.search(r"\(([\d.]+) cm", fit_words.quality(fit))[1])
+    assert rise == pytest.approx(100.0 * sd * np.sqrt(2.0 * 1.435 / 9.81), rel=0.1)
+    speeds = pd.DataFrame({"v_y1": 7.0, "v_y2": 5.0 + 0.01 * np.arange(8)})
+    of_speeds = fitball.calibrate(speeds, point_only=True, progress=False)
+    assert "height" not in fit_words.quality(of_speeds) + fit_words.data_lines(of_speeds)[0]
 
 
 def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):

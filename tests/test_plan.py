@@ -13,6 +13,7 @@ from support.fit_by_hand import fit_by_hand, table_of
 
 import fitball
 from fitball.base.errors import ParameterError
+from fitball.base.findings import Findings
 from fitball.base.numbers import Unit
 from fitball.base.options import names_of
 from fitball.data.load import load_data
@@ -20,6 +21,7 @@ from fitball.data.scene import CameraSection, Scene, ValueWithSd
 from fitball.inference.forward import Draws
 from fitball.inference.problem.build import build_problem
 from fitball.report import plan as page
+from fitball.report.figures.gains import draw_gains
 from fitball.report.style import draw_styled, image_bytes
 from fitball.results.result import Result
 from fitball.uses.machine import round_steps
@@ -469,6 +471,26 @@ def shown_gains(plan):
     axes = draw_styled(page.figures(plan)["gains"]).axes
     maps = [axis.collections[0].get_array() for axis in axes[:2]]
     return np.sort(np.concatenate([np.ravel(gains) for gains in maps]))
+
+
+def test_marks_of_neighbouring_settings_do_not_overlap():
+    speed, angle = (grid.ravel() for grid in np.meshgrid([10.0, 15.0, 20.0], [0.3, 0.33, 0.7]))
+    gains = pd.DataFrame({"omega_1": 0.0, "v_1": speed, "theta_1": angle, "table": speed})
+    chosen = pd.DataFrame({"omega_1": 0.0, "v_1": 20.0, "theta_1": [0.3, 0.33, 0.7] * 3})
+    chosen["sensor"] = "table"
+    chosen["id"] = [f"plan {k}" for k in range(1, 10)]
+    figure = draw_styled(draw_gains, Findings({"gains": gains, "plan": chosen}))
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    marks = [text for text in axes.texts if text.get_text()]
+    assert sorted(mark.get_text() for mark in marks) == ["1, 4, 7", "2, 5, 8", "3, 6, 9"]
+    boxes = [mark.get_window_extent() for mark in marks]
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
+        assert axes.bbox.x0 <= box.x0
+        assert box.x1 <= axes.bbox.x1
+        assert axes.bbox.y0 <= box.y0
+        assert box.y1 <= axes.bbox.y1
 
 
 def test_settings_and_targets_on_levels():

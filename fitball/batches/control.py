@@ -116,6 +116,25 @@ def control_charts(
     return tuple(controls[:_MOST_CHARTS])
 
 
+def why_no_chart(
+    tables: DataFrame,
+    quantities: Mapping[str, Mapping[str, TableQuantity]],
+) -> str:
+    """Why what laboratory tests measured of several `tables` has no chart, in words; "" where
+    nothing was measured of two.
+    """
+    ordered = in_order(tables)
+    for name, quantity in _charted(quantities):
+        values = ordered.tables[column_head(name, quantity.unit)].to_numpy(np.float64)
+        count = int(np.isfinite(values).sum())
+        if name.startswith(_MEASURED) and count > 1:
+            text = f"No control chart: {count} tables have {name}"
+            if count < LEAST_TABLES:
+                return f"{text}; limits begin with {LEAST_TABLES}."
+            return f"{text}, fewer than the baseline, or all the same."
+    return ""
+
+
 def _charted(
     quantities: Mapping[str, Mapping[str, TableQuantity]],
 ) -> Iterator[tuple[str, TableQuantity]]:

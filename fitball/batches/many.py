@@ -29,7 +29,14 @@ from fitball.base.scheduling import as_completed
 from fitball.base.values import DataFrame
 from fitball.batches import rows
 from fitball.batches.batch import Batch
-from fitball.batches.control import USUAL_CHARTING, Charting, control_charts, in_order
+from fitball.batches.control import (
+    USUAL_CHARTING,
+    Charting,
+    Control,
+    control_charts,
+    in_order,
+    why_no_chart,
+)
 from fitball.batches.rows import HEAD, TableRecord
 from fitball.batches.tables import scenes_of_folders, tables_by_name
 from fitball.data.read import TableSource
@@ -184,7 +191,7 @@ def batch_of(
         tables,
         populations,
         quantities,
-        (*notes, *_notes(tables), *(_notes_on_order(tables) if control else ())),
+        (*notes, *_notes(tables), *_notes_on_charts(tables, quantities, control)),
         user_model,
         control,
     )
@@ -199,6 +206,18 @@ def _notes(tables: DataFrame) -> Iterator[Note]:
             "tables need: leave the option out for them"
         )
         yield Note("no-posterior", f"{text}.")
+
+
+def _notes_on_charts(
+    tables: DataFrame,
+    quantities: Mapping[str, Mapping[str, rows.TableQuantity]],
+    controls: Sequence[Control],
+) -> Iterator[Note]:
+    """The order of control charts, or why there are none."""
+    if controls:
+        yield from _notes_on_order(tables)
+    elif why := why_no_chart(tables, quantities):
+        yield Note("no-chart", why)
 
 
 def _notes_on_order(tables: DataFrame) -> Iterator[Note]:

@@ -1,6 +1,7 @@
 """The figure of a plan: gains of one impact over what a machine can be set to."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -8,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 
 from fitball.base.display_units import DEG
 from fitball.base.findings import Findings
 from fitball.base.numbers import fixed
-from fitball.base.text import listed
 from fitball.base.values import DataFrame, Figure, FloatArray
 from fitball.report.figures.shared import hide_unused
 from fitball.report.style import (
@@ -32,6 +33,13 @@ _GAIN_COLOURS = LinearSegmentedColormap.from_list(
 )
 # Panels of a row: a page has room for no more.
 _MOST_ACROSS = 3
+# Size of the letters of marks [pt], and the width of a letter over it.
+_LETTERS = 8.0
+_WIDTH_OF_LETTER = 0.6
+# Where a mark may stand from its setting, in its widths and heights, the nearest first.
+_OFFSETS = tuple(
+    (x, y) for y in (0.0, -1.3, 1.3, -2.6, 2.6, -3.9, 3.9) for x in (0.0, 0.7, -0.7, 1.2, -1.2)
+)
 # Impacts that are named at one setting; a panel has no room for more.
 _MOST_NUMBERS = 6
 
@@ -79,7 +87,6 @@ def _draw_maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
         speeds = _edges(gains.index.to_numpy(np.float64))
         axes.set_facecolor(FAINT)
         axes.pcolormesh(angles, speeds, np.ma.masked_invalid(gains), cmap=_GAIN_COLOURS, norm=norm)
-        _draw_numbers(axes, plan[plan["omega_1"] == spin])
         axes.set_title(f"{fixed(spin, 0)} rad/s")
         axes.grid(visible=False)
         axes.set_xlim(*angles[[0, -1]])
@@ -90,6 +97,10 @@ def _draw_maps(best: DataFrame, plan: DataFrame, sensor: str) -> Figure:
         axes.set_ylabel("speed [m/s]")
     bar = figure.colorbar(ScalarMappable(norm, _GAIN_COLOURS), ax=panels, shrink=0.85, pad=0.02)
     bar.set_label(f"gain [nats], {sensor}")
+    # Where there is room depends on the layout.
+    figure.draw_without_rendering()
+    for axes, spin in zip(panels.ravel(), spins, strict=False):
+        _draw_numbers(axes, plan[plan["omega_1"] == spin])
     return figure
 
 
@@ -102,16 +113,34 @@ def _edges(values: FloatArray) -> FloatArray:
 
 
 def _draw_numbers(axes: Axes, chosen: DataFrame) -> None:
-    """Draw the numbers of chosen impacts at their settings, those of one setting together."""
+    """Draw the numbers of chosen impacts at their settings, those of one setting together; with a
+    line to it beside it, where others stand already, or the panel ends.
+    """
+    taken = list[Bbox]()
     for _, rows in chosen.groupby(["v_1", "theta_1"]):
         words = _numbers_of(rows)
         speed, angle = rows[["v_1", "theta_1"]].to_numpy(np.float64)[0]
+        at = (float(np.degrees(angle)), float(speed))
+        offset, box = _room_beside(axes, at, words, taken)
+        taken.append(box)
+        axes.plot(*at, "o", color=MOVED_COLOUR, markersize=3.0, zorder=4)
+        axes.annotate(
+            "",
+            at,
+            xytext=offset,
+            textcoords="offset points",
+            arrowprops={"arrowstyle": "-", "color": MOVED_COLOUR},
+            annotation_clip=False,
+            zorder=4,
+        )
         axes.annotate(
             words,
-            (np.degrees(angle), speed),
+            at,
+            xytext=offset,
+            textcoords="offset points",
             ha="center",
             va="center",
-            fontsize=9,
+            fontsize=_LETTERS,
             fontweight="bold",
             color="white",
             bbox={"boxstyle": "round,pad=0.25", "facecolor": MOVED_COLOUR, "linewidth": 0.0},
@@ -120,9 +149,39 @@ def _draw_numbers(axes: Axes, chosen: DataFrame) -> None:
         )
 
 
+def _room_beside(
+    axes: Axes,
+    at: tuple[float, float],
+    words: str,
+    taken: Sequence[Bbox],
+) -> tuple[tuple[float, float], Bbox]:
+    """The first offset [pt] from a place `at` at which a mark with these words, within the panel,
+    overlaps none of those `taken` [pt], with its box; the nearest one where there is none.
+    """
+    per_pixel = 72.0 / axes.figure.dpi
+    centre = per_pixel * axes.transData.transform(at)
+    panel = axes.bbox
+    inner = Bbox(per_pixel * np.array([[panel.x0, panel.y0], [panel.x1, panel.y1]]))
+    size = np.array([_WIDTH_OF_LETTER * len(words) + 0.5, 1.7]) * _LETTERS
+    boxes = []
+    for shares in _OFFSETS:
+        # Within the panel; one that is wider than that is in the middle.
+        middle = np.clip(
+            centre + size * np.array(shares), inner.min + 0.5 * size, inner.max - 0.5 * size
+        )
+        boxes.append(Bbox([middle - 0.5 * size, middle + 0.5 * size]))
+    free = (box for box in boxes if not any(box.overlaps(other) for other in taken))
+    box = next(free, boxes[0])
+    x, y = 0.5 * (np.asarray(box.min) + np.asarray(box.max)) - centre
+    return (float(x), float(y)), box
+
+
 def _numbers_of(rows: DataFrame) -> str:
     """Numbers of the impacts in the order of choice, at most as many as a panel has room for."""
-    return listed((str(number).split()[-1] for number in rows["id"]), last=",", most=_MOST_NUMBERS)
+    numbers = [str(number).split()[-1] for number in rows["id"]]
+    left_out = len(numbers) - _MOST_NUMBERS
+    more = [f"{left_out} more"] if left_out > 0 else []
+    return ", ".join([*numbers[:_MOST_NUMBERS], *more])
 
 
 def _draw_lines(best: DataFrame, plan: DataFrame) -> Figure:
