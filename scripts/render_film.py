@@ -23,8 +23,10 @@ from fitball.base.values import FloatArray
 
 RADIUS = 0.033
 GRAVITY = 9.81
-# Deceleration by drag over the square of velocity of a tennis ball [1/m]: rho A c_d/(2 m).
-DRAG = 0.018
+# Force of the air over mass and the square of velocity of a tennis ball, for a coefficient of one
+# [1/m]: rho A/(2 m); and the coefficient of drag.
+AIR = 0.0356
+DRAG = 0.507
 GAMMA = 2.2
 # Light from the upper left, in front: how much comes from there and from everywhere.
 LIGHT = np.array([-0.35, 0.62, 0.70])
@@ -104,18 +106,20 @@ def course_of(scene: Scene) -> Callable[[FloatArray], State]:
 
 
 def _bounced(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Place [m] and turn of one bounce: two flights with drag, and a smooth contact between."""
+    """Place [m] and turn of one bounce: two flights through air, and a smooth contact between."""
 
-    def flight(v_x: float, v_y: float, end: float) -> Any:
+    def flight(v_x: float, v_y: float, omega: float, end: float) -> Any:
         def slope(_: float, s: FloatArray) -> list[float]:
-            pull = DRAG * np.hypot(s[2], s[3])
-            return [s[2], s[3], -pull * s[2], -GRAVITY - pull * s[3]]
+            speed = np.hypot(s[2], s[3])
+            pull = AIR * DRAG * speed
+            lift = AIR * _lift(RADIUS * omega / speed) * speed
+            return [s[2], s[3], -pull * s[2] + lift * s[3], -GRAVITY - pull * s[3] - lift * s[2]]
 
         solved = solve_ivp(slope, (0.0, end), [0.0, 0.0, v_x, v_y], rtol=1e-9, dense_output=True)
         return solved.sol
 
-    first = flight(scene.v_x1, -scene.v_y1, -scene.before - 0.1)
-    second = flight(scene.v_x2, scene.v_y2, scene.after + 0.1)
+    first = flight(scene.v_x1, -scene.v_y1, scene.omega_1, -scene.before - 0.1)
+    second = flight(scene.v_x2, scene.v_y2, scene.omega_2, scene.after + 0.1)
     gap, path = scene.gap_time, scene.gap_path
     half = 0.5 * (scene.omega_1 + scene.omega_2) * gap
 
@@ -132,6 +136,14 @@ def _bounced(scene: Scene) -> Callable[[FloatArray], FloatArray]:
         return np.stack([down[0] + x + up[0], RADIUS + down[1] + y + up[1], turn])
 
     return at
+
+
+def _lift(ratio: float) -> float:
+    """The coefficient of lift of a tennis ball by the ratio of its spin, times its radius, to its
+    speed; topspin presses it down (Cross and Lindsey, Sports Eng. 17
+    (2014) 89).
+    """
+    return ratio / (0.981 + 2.022 * abs(ratio))
 
 
 def _dropped(scene: Scene) -> Callable[[FloatArray], FloatArray]:

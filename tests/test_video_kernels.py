@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from fitball.video.bounces import balls_of
-from fitball.video.disc import PLACE_AND_RADIUS, Disc
+from fitball.video.disc import BLUR, EXPOSURE, PLACE_AND_RADIUS, Disc
 from fitball.video.flights import flights_of
 from fitball.video.level import tilt_of
 from fitball.video.shake import Steadying
+from fitball.video.shared import common_of
 from fitball.video.types import Crop
 from fitball.video.views import View
 
@@ -111,3 +113,74 @@ def test_the_shift_of_a_camera_is_found_beside_a_thing_that_moves() -> None:
     assert steady.known
     moved = 2.0 * steady.shift(scene(1.7, -0.9, 130.0))
     assert moved == pytest.approx([-1.7, 0.9], abs=0.1)
+
+
+def ball_picture(x: float, y: float, radius: float, blur: float) -> np.ndarray:
+    """Light (60, 60) of a matt ball before a grey wall, lit from the upper left, on a grid five
+    times as fine, blurred.
+    """
+    fine = (np.arange(60 * 5) + 0.5) / 5 - 0.5
+    u = (fine - x)[None, :] / radius
+    v = (fine - y)[:, None] / radius
+    inside = u * u + v * v < 1.0
+    height = np.sqrt(np.maximum(1.0 - u * u - v * v, 0.0))
+    direct = np.maximum(-0.35 * u - 0.62 * v + 0.7 * height, 0.0)
+    light = np.where(inside, 0.6 * (0.38 + 0.75 * direct), 0.12)
+    return gaussian_filter(light, 5 * blur).reshape(60, 5, 60, 5).mean((1, 3))
+
+
+def shaded_discs(turned: bool) -> tuple[list[Disc], np.ndarray, float]:
+    """Discs of a ball of 18.3 px in eight frames, starts (frames, 7) that are 0.4 px too small, in
+    the coordinates of the discs, and the true radius.
+    """
+    rng = np.random.default_rng(7)
+    discs, starts = [], []
+    for _ in range(8):
+        x, y = rng.uniform(28.0, 31.0, 2)
+        light = ball_picture(x, y, 18.3, 0.8)
+        image = np.stack([light, np.full_like(light, 0.5), np.full_like(light, 0.5)])
+        back = np.stack([np.full_like(light, level) for level in (0.12, 0.5, 0.5)])
+        crop = Crop(0, 0, 0, np.zeros((60, 60), np.uint8))
+        at_rest = np.array([1.0, 0.0])
+        view = View(0, 0.0, 0.0, 0.0, image, back, at_rest, np.zeros(2), 0.0, crop, image)
+        disc = Disc(view, np.array([x, y]), 18.0, turned, 0.004)
+        first = disc.fit(np.array([x, y, 17.9, 0.0, 0.0, 0.001, 0.9]), PLACE_AND_RADIUS).p
+        first[2] = 17.9
+        starts.append([first[1], first[0], *first[2:]] if turned else first)
+        discs.append(disc)
+    return discs, np.array(starts), 18.3
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_radius_of_a_shaded_ball_is_that_of_all_frames_together(turned: bool) -> None:
+    """What is left of 0.4 px is the border of light and shade, which nine shades do not have."""
+    discs, starts, radius = shaded_discs(turned)
+    light = np.mean([disc.shades for disc in discs], axis=0)
+    common = common_of(discs, starts, light, np.ones(len(discs)))
+    assert 17.9 + common.radius == pytest.approx(radius, abs=0.13)
+    # A pixel blurs too, by the sd of its width.
+    assert common.blur == pytest.approx(np.hypot(0.8, 12.0**-0.5), abs=0.06)
+    # Light comes from the upper left: less of it to the right and down, or down and to the right.
+    across, down = common.light[2:0:-1] if turned else common.light[1:3]
+    assert down < across < 0.0
+
+
+@pytest.mark.parametrize("length", [1.5, 3.0])
+def test_a_smear_shorter_than_the_blur_shows_the_exposure(length: float) -> None:
+    covered = gaussian_filter(picture(29.3, 30.6, 14.2, length), 0.8)
+    image = np.stack([0.1 + 0.6 * covered, np.full_like(covered, 0.5), np.full_like(covered, 0.5)])
+    back = np.broadcast_to(np.array([0.1, 0.5, 0.5])[:, None, None], image.shape).copy()
+    crop = Crop(0, 0, 0, np.zeros((60, 60), np.uint8))
+    velocity = np.array([4000.0, 0.0])
+    view = View(0, 0.0, 0.0, 0.0, image, back, velocity, np.zeros(2), 0.0, crop, image)
+    disc = Disc(view, np.array([29.3, 30.6]), 14.2, False, 0.004)
+    start = np.array([29.3, 30.6, 14.2, 0.0, 0.0, 0.0012, 0.9])
+    found = disc.fit(start, (*PLACE_AND_RADIUS, EXPOSURE, BLUR), 30)
+    assert 4000.0 * found.p[EXPOSURE] == pytest.approx(length, abs=0.3)
+    assert found.p[2] == pytest.approx(14.2, abs=0.05)
+
+
+def test_pictures_of_one_level_show_no_tilt() -> None:
+    tilt = tilt_of(np.full((240, 320), 90, np.uint8))
+    assert np.isfinite(tilt.value)
+    assert tilt.sd > 0.005

@@ -44,6 +44,9 @@ _RULER_ERROR = 0.3
 _LEAST_FALLING = 7
 # Colours of a ball differ from frame to frame by so many levels at most (robust sd).
 _ONE_COLOUR = 6.0
+# The disc of a ball is as large as its spots, within this factor; smaller ones show no disc [px].
+_SAME_BALL = 2.0
+_LEAST_RADIUS = 2.0
 # A radius off the median by this share is that of something else.
 _SAME_SIZE = 0.2
 # A flight of so many frames that falls as on earth is named where none follows.
@@ -57,7 +60,7 @@ _USUAL_READOUT = 0.8
 _READOUT_SD = 0.2
 _SHOWN = 0.3
 # How often the look of a ball is read, each time by better places.
-_DRESSINGS = 2
+_DRESSINGS = 1
 # A ball that rolls is seen in so many frames and falls by this share of a ball's fall at most.
 _LEAST_ROLLING = 10
 _ROLLING_FALL = 0.15
@@ -129,27 +132,24 @@ def _measured(
     progress: Progress,
 ) -> tuple[_Ball | None, str]:
     """The ball of a chain of flights, or why it is none."""
-    radius = float(np.median(np.concatenate([flight.spots[:, 2] for flight in chain])))
+    radius = _radius_of(chain)
     course = course_of(chain, spots.times, look.diameter)
     views = views_of(clip, spots, course, radius, progress)
     fitting = Fitting(clip, course, views, radius)
     fitting.begin()
     if not fitting.sized():
         return None, "what moves is no disc of one colour: no frame fits"
-    for _ in range(_DRESSINGS):
+    for at_rim in (False, True):
         frames, p, quality = fitting.rough()
         flights = _rows_of_flights(chain, frames)
         # The ball flies smoothly: what moves its disc off that is its look.
         p[:, :2] = smoothed(spots.times[frames], p[:, :2], flights, quality > CLEAR)
         marks = _marks(clip, spots, chain, views, frames, p)
-        dress(
-            [fitting.discs[k] for k in frames.tolist()],
-            p,
-            marks,
-            quality > CLEAR,
-            fitting.upright_light(),
-        )
-        if not fitting.sized():
+        discs_of_frames = [fitting.discs[k] for k in frames.tolist()]
+        light = fitting.upright_light()
+        shown = dress(discs_of_frames, p, marks, quality > CLEAR, light, at_rim)
+        # The radius is known before the look may do as it likes at the rim.
+        if not shown or not (fitting.placed_again() if at_rim else fitting.sized()):
             return None, "what moves is no disc of one look: no frame fits"
     discs = fitting.measured()
     discs = with_scatter(discs, _rows_of_flights(chain, discs.frames))
@@ -157,6 +157,11 @@ def _measured(
     if reason:
         return None, reason
     return _Ball(chain, discs, _marks(clip, spots, chain, views, discs.frames, discs.p)), ""
+
+
+def _radius_of(chain: Chain) -> float:
+    """The radius that the spots of a chain have [px]."""
+    return float(np.median(np.concatenate([flight.spots[:, 2] for flight in chain])))
 
 
 def _marks(
@@ -187,6 +192,9 @@ def _no_ball(chain: Chain, discs: Discs, look: Look) -> str:
             f"what moves is no disc ({100.0 * share:.0f} % of the frames fit, "
             f"edge {discs.blur:.1f} px)"
         )
+    radius = _radius_of(chain)
+    if not 1.0 / _SAME_BALL < discs.radius / radius < _SAME_BALL or discs.radius < _LEAST_RADIUS:
+        return f"what moves is {radius:.0f} px wide to each side, but no disc of that size"
     spread = _colour_spread(discs)
     if spread > _ONE_COLOUR:
         return f"what moves is not of one colour (it changes by {spread:.0f} levels)"

@@ -107,12 +107,12 @@ def between(
 
 
 @entry
-def median(planes: Bytes, out: Bytes) -> None:
+def median(planes: NDArray[Any], out: NDArray[Any]) -> None:
     """Median of planes (planes, ...) in each place."""
     count = planes.shape[0]
     flat = planes.reshape(count, -1)
     medians = out.reshape(-1)
-    few = np.empty(count, np.uint8)
+    few = np.empty(count, planes.dtype)
     for k in range(flat.shape[1]):
         for i in range(count):
             value = flat[i, k]
@@ -340,31 +340,26 @@ def disc(
         v = dy / ((1.0 + p[3]) * p[2])
         u = (dx - p[4] * dy) / p[2]
         d = math.sqrt(u * u + v * v) + 1e-9
-        weight = 0.25 + 0.75 * _step(25.0 * (d - 0.75))
-        if upper > 0.0:
-            weight *= 0.02 + 0.98 * _step(12.0 * (upper - v))
-        weight *= weight
+        weight = _weight(d, v, upper)
         for c in range(channels):
             if c == 0 or abs(softer[c] - softer[c - 1]) > 0.0:
                 blur = math.hypot(p[6], softer[c])
                 cover = _covered(dx, dy, p, blur, velocity, edge)
-                inner = _inward(u, v, d, p, blur, velocity)
-                _shaded(u * inner, v * inner, base)
-            seen = _sampled(look[c], base[1], base[2])
-            ball = 0.0
-            for i in range(count):
-                total = 0.0
-                for j in range(SHADES):
-                    total += colours[c, i, j] * base[j]
-                parts[i] = total * seen * cover
-                ball += factors[c, i] * total * seen
-            bright = ball - back[c, k]
-            residual = (image[c, k] - back[c, k] - cover * bright) / noise[c]
+                if cover > 0.0:
+                    inner = _inward(u, v, d, p, blur, velocity)
+                    _shaded(u * inner, v * inner, base)
             empty = (image[c, k] - back[c, k]) / noise[c]
-            robust = 1.0 / (1.0 + residual * residual / 36.0)
-            sums[0, c] += weight * residual * residual * robust
             sums[1, c] += weight * empty * empty / (1.0 + empty * empty / 36.0)
             sums[2, c] += weight
+            if cover <= 0.0:
+                sums[0, c] += weight * empty * empty / (1.0 + empty * empty / 36.0)
+                continue
+            seen = _sampled(look[c], base[1], base[2])
+            ball = _brightness(colours[c], factors[c], base, seen * cover, parts) / cover
+            bright = ball - back[c, k]
+            residual = empty - cover * bright / noise[c]
+            robust = 1.0 / (1.0 + residual * residual / 36.0)
+            sums[0, c] += weight * residual * residual * robust
             robust *= robust * weight / (noise[c] * noise[c])
             _added(matrix, right, edge, bright, parts, robust, residual * noise[c], c)
     for i in range(size):
@@ -401,6 +396,30 @@ def lit(
 
 
 @_part
+def _weight(d: float, v: float, upper: float) -> float:
+    """The weight of a pixel by its distance from the centre [radii], squared."""
+    weight = 0.25 + 0.75 * _step(25.0 * (d - 0.75))
+    if upper > 0.0:
+        weight *= 0.02 + 0.98 * _step(12.0 * (upper - v))
+    return weight * weight
+
+
+@_part
+def _brightness(
+    colours: FloatArray, factors: FloatArray, base: FloatArray, share: float, parts: FloatArray
+) -> float:
+    """The brightness of a share of the ball, and in `parts` its derivatives by the factors."""
+    brightness = 0.0
+    for i in range(parts.shape[0]):
+        total = 0.0
+        for j in range(SHADES):
+            total += colours[i, j] * base[j]
+        parts[i] = total * share
+        brightness += factors[i] * parts[i]
+    return float(brightness)
+
+
+@_part
 def _added(
     matrix: FloatArray,
     right: FloatArray,
@@ -413,7 +432,8 @@ def _added(
 ) -> None:
     """Add a pixel of a channel to the lower half of the normal equations."""
     first = 7 + parts.shape[0] * channel
-    if abs(edge[2]) > 0.0:
+    at_edge = abs(edge[2]) > 0.0
+    if at_edge:
         for i in range(7):
             g = weight * edge[i] * bright
             right[i] += g * residual
@@ -422,8 +442,9 @@ def _added(
     for i in range(parts.shape[0]):
         g = weight * parts[i]
         right[first + i] += g * residual
-        for j in range(7):
-            matrix[first + i, j] += g * edge[j] * bright
+        if at_edge:
+            for j in range(7):
+                matrix[first + i, j] += g * edge[j] * bright
         for j in range(i + 1):
             matrix[first + i, first + j] += g * parts[j]
 

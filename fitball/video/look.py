@@ -22,7 +22,7 @@ _U, _V = np.meshgrid(_AXIS, _AXIS)
 # Rings of places.
 _RINGS = (np.hypot(_U, _V) * _PLACES_PER_RADIUS).astype(int)
 # From 1 within to 0 at the rim.
-_INNER = np.clip((0.95 - np.hypot(_U, _V)) / 0.15, 0.0, 1.0)
+_INNER = np.clip((1.0 - np.hypot(_U, _V)) / 0.1, 0.0, 1.0)
 # Pixels of which the ball covers this share show it.
 _COVERED = 0.3
 # Fewest frames whose angles are known, by which texture is taken apart from light; how often.
@@ -51,10 +51,15 @@ class _Pixels(NamedTuple):
 
 def _pixels(discs: Sequence[Disc], fits: Annotated[FloatArray, "frames 7"]) -> _Pixels:
     """The pixels that show the ball in frames where it is seen clearly."""
-    parts = []
+    channels = len(discs[0].noise) if discs else 0
+    parts = [
+        _Pixels(np.zeros(0, int), np.zeros((2, 0)), np.zeros(0), np.zeros((channels, 0))),
+    ]
     for row, (disc, fit) in enumerate(zip(discs, fits, strict=True)):
         covers, place = disc.lit(fit)
         use = covers[0] > _COVERED
+        if not use.any():
+            continue
         covers = covers[:, use]
         image, back = disc.image[:, use], disc.back[:, use]
         seen = (image - (1.0 - covers) * back) / covers
@@ -76,16 +81,23 @@ def dress(
     marks: Marks,
     clear: Annotated[BoolArray, "frames"],
     luma: Annotated[FloatArray, "9"],
-) -> None:
+    at_rim: bool,
+) -> bool:
     """Give each disc the light and the look of the ball, with marks turned by its angle, from the
-    frames that show it clearly as discs `fits`.
+    frames that show it clearly as discs `fits`. `luma` are the shades of luma; what stands still
+    differs from them at the rim only if it may, `at_rim`, where it can make up for a radius that is
+    off. False where no frame shows the ball.
     """
     rows = np.flatnonzero(clear)
     pixels = _pixels([discs[k] for k in rows.tolist()], fits[rows])
+    if not pixels.row.size:
+        return False
     light = _light(pixels)
     plain = luma @ _shades(pixels.place)
     light[0] = luma * (pixels.brightness[0] @ plain) / (plain @ plain)
-    still = _inner(_map(pixels.place, pixels, _shaded(light, pixels.place)))
+    bound = 1.0 if at_rim else _INNER
+    still = _map(pixels.place, pixels, _shaded(light, pixels.place))
+    still = 1.0 + bound * (still - 1.0)
     own = still
     texture = np.ones_like(still)
     angles = marks.angle[rows]
@@ -96,13 +108,15 @@ def dress(
         own = np.ones_like(still)
         for _ in range(_TIMES):
             texture = _even(_map(turned, pixels, plain * _sampled(own, pixels.place)))
-            own = _inner(_map(pixels.place, pixels, plain * _sampled(texture, turned)))
+            own = _map(pixels.place, pixels, plain * _sampled(texture, turned))
+            own = 1.0 + bound * (own - 1.0)
     grid = np.stack([_U, _V])
     for disc, turn in zip(discs, marks.angle, strict=True):
         look = still
         if np.isfinite(turn):
             look = own * _sampled(texture, _turned(grid, turn))
         disc.dress(light, look)
+    return True
 
 
 def _turned(place: FloatArray, angle: FloatArray | float) -> FloatArray:
@@ -160,11 +174,6 @@ def _map(
         squares = gathered(base * base * pixels.weight) + prior
         factors.append(np.maximum(products / squares, _DARKEST))
     return np.stack(factors)
-
-
-def _inner(look: Annotated[FloatArray, "channels n n"]) -> Annotated[FloatArray, "channels n n"]:
-    """A look that is 1 at the rim, where it could make up for a radius that is off."""
-    return np.asarray(1.0 + _INNER * (look - 1.0))
 
 
 def _even(look: Annotated[FloatArray, "channels n n"]) -> Annotated[FloatArray, "channels n n"]:

@@ -156,8 +156,10 @@ class _Turning:
         """The share of the changes that texture of each spin explains."""
         gain = np.zeros(len(spins))
         count = len(self.times)
+        first = np.exp(1j * np.outer(spins, self.times))
+        turn = np.ones_like(first)
         for order in self.orders[1:]:
-            turn = np.exp(1j * order * np.outer(spins, self.times))
+            turn *= first
             texture = turn @ self.waves[:, :, order] / count
             if self.low[order] and self.light is None:
                 mean = turn.mean(1)

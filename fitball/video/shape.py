@@ -186,6 +186,12 @@ class Fitting:
         """The shades of luma that all discs share, in the upright picture."""
         return turned_light(self.light) if self.turned else self.light
 
+    def radii(self) -> dict[int, float]:
+        """The radius of each frame [px]: that of the ball, as far off as the disc is there."""
+        radii = self._smooth_radii()
+        larger = self.radius / float(np.median([radii[k] for k in self.clear()]))
+        return {k: larger * radius for k, radius in radii.items()}
+
     def _smooth_radii(self) -> dict[int, float]:
         """The radius of each frame [px], by those about it."""
         frames = np.array(sorted(self.fits))
@@ -249,6 +255,21 @@ class Fitting:
         self.free_radii()
         return len(self.clear()) >= LEAST_FRAMES
 
+    def placed_again(self) -> bool:
+        """Places anew, with what is shared and radii as they are; whether enough frames show the
+        disc.
+        """
+        self.weigh()
+        radii = self.radii()
+        for k, fit in self.fits.items():
+            start = fit.p.copy()
+            start[2] = radii[k]
+            again = self.discs[k].fit(start, PLACE)
+            again.p[2] = fit.p[2]
+            again.sd[2] = fit.sd[2]
+            self.fits[k] = again
+        return len(self.clear()) >= LEAST_FRAMES
+
     def measured(self) -> Discs:
         """The discs of all frames, with what they share."""
         return self.placed(*self.row_time())
@@ -263,12 +284,11 @@ class Fitting:
         """Places of all frames, with radii smoothed and shapes as the row time makes them."""
         frames = np.array(sorted(self.fits))
         free = np.array([self.fits[k].p[2] for k in frames])
-        radii = self._smooth_radii()
-        larger = self.radius / float(np.median([radii[k] for k in self.clear()]))
+        radii = self.radii()
         last = []
         for k in frames.tolist():
             start = self.fits[k].p.copy()
-            start[2] = larger * radii[k]
+            start[2] = radii[k]
             velocity = np.array(self._velocity(k))
             start[3:5] = constant + row_time.value * velocity
             start[EXPOSURE:] = self.shared

@@ -67,7 +67,7 @@ class View:
     shift: Annotated[FloatArray, "2"]
     soft: float
     crop: Crop
-    colours: Annotated[FloatArray, "3 rows columns"]
+    colours: Annotated[kernels.Singles, "3 rows columns"]
 
 
 def course_of(flights: Sequence[Flight], times: FloatArray, diameter: float) -> Course:
@@ -140,7 +140,7 @@ def views_of(
     for part in parts.values():
         for k in (part.index, *part.backgrounds):
             wanted[k].append(part.index)
-    cut: dict[int, dict[int, FloatArray]] = defaultdict(dict)
+    cut: dict[int, dict[int, kernels.Singles]] = defaultdict(dict)
     views = {}
     soft = 0.0
     velocities = dict(zip(course.frames.tolist(), course.velocities, strict=True))
@@ -191,7 +191,7 @@ def _planes(
     frame: Frame,
     part: _Part,
     shift: Annotated[FloatArray, "2"],
-) -> Annotated[FloatArray, "3 rows columns"]:
+) -> Annotated[kernels.Singles, "3 rows columns"]:
     """Luma and both colour differences of a part, moved by a shift [px] of the camera."""
     out = np.empty((3, part.rows, part.columns), np.float32)
     row, column = part.top + float(shift[1]), part.left + float(shift[0])
@@ -201,20 +201,20 @@ def _planes(
     first = (row + 0.5) * down - 0.5, (column + 0.5) * across - 0.5
     for k in (0, 1):
         kernels.between(frame.chroma[..., k], first, (down, across), out[k + 1])
-    return out.astype(float)
+    return out
 
 
 def _view(
     clip: Clip,
     spots: Spots,
     part: _Part,
-    planes: Mapping[int, FloatArray],
+    planes: Mapping[int, kernels.Singles],
     velocity: FloatArray,
     soft: float,
 ) -> View:
     own = planes[part.index]
-    backs = np.stack([planes[k] for k in part.backgrounds])
-    background = np.median(backs, axis=0)
+    background = np.empty_like(own)
+    kernels.median(np.stack([planes[k] for k in part.backgrounds]), background)
     shift = spots.shifts[part.index]
     crop = Crop(int(spots.numbers[part.index]), part.left, part.top, own[0].astype(np.uint8))
     return View(
@@ -232,7 +232,7 @@ def _view(
     )
 
 
-def _channels(planes: Annotated[FloatArray, "3 rows columns"], clip: Clip) -> FloatArray:
+def _channels(planes: Annotated[kernels.Singles, "3 rows columns"], clip: Clip) -> FloatArray:
     """Light of luma, as a share of white, and colour differences, 0.5 without colour. Red, green
     and blue would have the soft edges of the colour differences, which films have less sharp.
     """
