@@ -66,6 +66,20 @@ def test_a_bare_attribute_is_a_table_of_rounded_numbers(fit, name):
     assert len(text.splitlines()) == len(values) + 2
 
 
+def test_the_table_of_draws_has_their_moments_and_quantiles(fit):
+    head, *rows = Cells(fit.draws._repr_html_()).rows
+    cells = dict(zip(head, next(row for row in rows if row[0] == "mu[hard]"), strict=True))
+    draws = fit.draws.values["mu[hard]"]
+    expected = {
+        "mean": draws.mean(),
+        "sd": draws.std(),
+        "2.5 %": np.quantile(draws, 0.025),
+        "97.5 %": np.quantile(draws, 0.975),
+    }
+    for name, value in expected.items():
+        assert float(cells[name]) == pytest.approx(value, rel=2e-3)
+
+
 def test_a_point_fit_has_tables_without_draws():
     point = fit_by_hand(sampled=False)
     page = Cells(point.parameters._repr_html_())

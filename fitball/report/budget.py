@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.base.display_units import CM, PLAIN
-from fitball.base.numbers import Unit, counted, percent, signed
+from fitball.base.numbers import Unit, counted, percent
 from fitball.base.text import column_head, short
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.camera import CAMERA_SPECS
@@ -145,5 +145,5 @@ def _unit_of_source(row: FrameRow) -> Unit:
 def _scientific(value: float) -> str:
     """A sensitivity with three digits."""
     if 1e-2 <= abs(value) < 1e3:
-        return signed(value, 3)
-    return f"{value:.2e}"
+        return f"{value:+.3g}"
+    return f"{value:+.2e}"
