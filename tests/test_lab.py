@@ -20,7 +20,7 @@ from fitball.report import lab as page
 from fitball.report.lab_lines import measured_lines
 from fitball.uses.drops import drop_test
 from fitball.uses.means import means
-from fitball.uses.measured import with_measured
+from fitball.uses.measured import lab_tests, outcome, with_measured
 from fitball.uses.outlying import outlying
 
 SPREAD = ParameterSpec("spread", "", 0.0, np.inf, "half-t(0.1, 4)", "", "")
@@ -366,6 +366,9 @@ def test_each_ball_stands_on_the_first_screen():
     by_ball = dict(re.findall(r"Ball (\w): COR ([\d.]+)", text))
     shown = {ball: float(cor) for ball, cor in by_ball.items()}
     assert shown == pytest.approx(truth, abs=0.003)
+    assert not re.search(r"mean of 4 balls", text)
+    apart = re.search(r"balls differ in COR by ([\d.]+)", text)
+    assert float(apart[1]) == pytest.approx(0.20, abs=0.006)
     assert "ITF" not in text + str(page.section(fit))
     rows = with_measured(fit)
     assert not rows["median"][:1].isna().any()
@@ -401,6 +404,42 @@ def test_variance_components_are_those_of_balls_and_repeats():
     alike = drop_test_of(rise((0.77 + 0.002 * rng.standard_normal(96)) * FALL), ball=names)
     assert alike["by_chance"][0] > 0.01
     assert alike["sd_balls"][0] < 0.5 * np.mean(balls)
+
+
+@pytest.mark.parametrize(
+    ("passes", "words"),
+    [(np.nan, ""), (0.0, "fails"), (0.05, "fails"), (0.06, "undecided"), (0.94, "undecided")]
+    + [(0.95, "passes"), (1.0, "passes")],
+)
+def test_balls_pass_or_fail_from_95_percent_on(passes, words):
+    assert outcome(passes) == words
+
+
+def test_lines_of_a_lot_have_the_numbers_of_its_frame():
+    """Two balls that fail among six, of which one lies apart."""
+    heights = np.repeat([141.0, 142.0, 140.0, 141.5, 133.0, 120.0], 4)
+    heights = heights + np.tile([0.1, -0.1, 0.2, -0.2], 6)
+    names = tuple("ABCDEF"[k // 4] for k in range(24))
+    frame = pd.DataFrame({"drop_height [cm]": 254.0, "rebound_height [cm]": heights, "ball": names})
+    fit = fit_by_hand(frame)
+    text = "\n".join(measured_lines(fit))
+    rows = lab_tests(fit).drops
+    assert re.search(r"(\d) pass, (\d) fail \(E and F\), (\d) undecided", text).groups() == (
+        "4",
+        "2",
+        "0",
+    )
+    ends = re.search(r"Balls: ([\d.]+) cm \(F\) to ([\d.]+) cm \(B\)", text)
+    balls = rows[rows["kind"] == "ball"].set_index("label")["rebound"]
+    assert_within([float(end) for end in ends.groups()], 100.0 * balls[["F", "B"]], 0.06)
+    spreads = re.search(r"balls ([\d.]+) .* and repeats ([\d.]+) ", text)
+    sds = [float(sd) for sd in spreads.groups()]
+    assert sds == pytest.approx(
+        100.0 * rows.loc[0, ["sd_balls", "sd_repeats"]].astype(float), rel=0.1
+    )
+    assert sds[0] > 10.0 * sds[1]
+    mean = re.search(r"Drop test: ([\d.]+) ", text)
+    assert float(mean[1]) == pytest.approx(100.0 * rows["rebound"][0], rel=2e-3)
 
 
 def test_a_ball_that_lies_apart_is_named_and_the_mean_is_given():
