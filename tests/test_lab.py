@@ -408,8 +408,15 @@ def test_variance_components_are_those_of_balls_and_repeats():
 
 @pytest.mark.parametrize(
     ("passes", "words"),
-    [(np.nan, ""), (0.0, "fails"), (0.05, "fails"), (0.06, "undecided"), (0.94, "undecided")]
-    + [(0.95, "passes"), (1.0, "passes")],
+    [
+        (np.nan, ""),
+        (0.0, "fails"),
+        (0.05, "fails"),
+        (0.06, "undecided"),
+        (0.94, "undecided"),
+        (0.95, "passes"),
+        (1.0, "passes"),
+    ],
 )
 def test_balls_pass_or_fail_from_95_percent_on(passes, words):
     assert outcome(passes) == words
