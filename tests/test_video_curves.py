@@ -7,10 +7,11 @@ from support.clips import write
 from fitball.video.bounces import balls_of
 from fitball.video.curves import smoothed, with_scatter
 from fitball.video.films import open_film
-from fitball.video.find import find_balls
-from fitball.video.flights import flights_of
+from fitball.video.find import _no_ball, find_balls
+from fitball.video.flights import Flight, flights_of
 from fitball.video.shape import Discs
-from fitball.video.types import Estimate, Look
+from fitball.video.types import Crop, Estimate, Look
+from fitball.video.views import View
 
 GRAVITY = 9.81
 DIAMETER = 0.066
@@ -110,3 +111,35 @@ def test_a_film_in_which_nothing_moves_shows_no_row_time_and_no_ball(tmp_path):
     assert seen.balls == ()
     assert seen.nothing
     assert not np.isfinite(seen.row_time.sd)
+
+
+def stand_in(radius, spots_radius):
+    """Discs of a ball with a radius, and the chain of its flights with that of its spots [px]."""
+    times = np.arange(40) / 240.0
+    metre = 2.0 * radius / DIAMETER
+    t = times - 0.08
+    fallen = 0.5 * GRAVITY * t**2
+    height = np.where(t < 0.0, -3.0 * t - fallen, 2.4 * t - fallen)
+    p = np.zeros((40, 7))
+    p[:, 0] = 50.0 + 2.0 * metre * times
+    p[:, 1] = 300.0 - metre * height
+    p[:, 2] = radius
+    spots = np.column_stack([p[:, :2], np.full(40, spots_radius), np.full(40, 9.0)])
+    chain = tuple(Flight(k, times[k], spots[k]) for k in (np.arange(18), np.arange(21, 40)))
+    grey = np.full((3, 400, 300), 128.0, np.float32)
+    crop = Crop(0, 0, 0, np.zeros((2, 2), np.uint8))
+    view = View(0, 0.0, 0.0, 0.0, grey, grey, np.zeros(2), np.zeros(2), 0.0, crop, grey)
+    frames = np.arange(40)
+    sd = np.full((40, 7), 0.05)
+    row_time = Estimate(0.0, 1e-6)
+    views = dict.fromkeys(range(40), view)
+    discs = Discs(frames, times, p, sd, np.ones(40), p[:, 2], 1e-3, 0.9, row_time, views)
+    return chain, discs
+
+
+def test_a_disc_of_another_size_than_what_moves_is_no_ball():
+    assert _no_ball(*stand_in(12.0, 11.0), Look()) == ""
+    assert _no_ball(*stand_in(4.0, 11.0), Look())
+    assert _no_ball(*stand_in(25.0, 11.0), Look())
+    # A disc of a pixel is none, as small as its spots may be.
+    assert _no_ball(*stand_in(1.5, 1.5), Look())

@@ -401,7 +401,7 @@ def _weight(d: float, v: float, upper: float) -> float:
     weight = 0.25 + 0.75 * _step(25.0 * (d - 0.75))
     if upper > 0.0:
         weight *= 0.02 + 0.98 * _step(12.0 * (upper - v))
-    return weight * weight
+    return float(weight * weight)
 
 
 @_part
