@@ -15,8 +15,8 @@ _SIDE = 24
 _SOFT = 1.2
 # A square tells of a direction if its gradients there are so large on average [levels/px],
 _LEAST_GRADIENT = 1.0
-# and the picture if so many squares do.
-_LEAST_SQUARES = 6
+# and the picture if so many squares do: one person who walks past outvotes seven.
+_LEAST_SQUARES = 12
 # An estimate is repeated at the place found until it moves by less [px], or so many times.
 _CLOSE = 0.05
 _TIMES = 5

@@ -157,12 +157,14 @@ def places_of(seen: Watched, truth: pd.DataFrame) -> tuple[float, float, float]:
 def scores_of(film: fitball.Film, states: dict[str, float]) -> tuple[FloatArray, FloatArray]:
     """Errors of speeds and of spins over their total sds."""
     frame = film.impacts
-    columns = UNITS | SPINS
+    # Where no mark is seen there are no spins.
+    columns = {name: unit for name, unit in (UNITS | SPINS).items() if f"{name} [{unit}]" in frame}
     values = {name: frame[f"{name} [{unit}]"].to_numpy() for name, unit in columns.items()}
     own = {name: frame[f"{name}_sd [{unit}]"].to_numpy() for name, unit in columns.items()}
     totals = total_sds(values, own, film.scene.camera or CameraSection())
     scores = {name: (values[name][0] - states[name]) / totals[name][0] for name in columns}
-    return np.array([scores[name] for name in UNITS]), np.array([scores[name] for name in SPINS])
+    speeds = [scores[name] for name in UNITS]
+    return np.array(speeds), np.array([scores.get(name, np.nan) for name in SPINS])
 
 
 def rms(values: FloatArray) -> float:
