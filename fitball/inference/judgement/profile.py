@@ -55,9 +55,10 @@ ROUNDS_OF_PATH = 25
 # a search goes on by the exact one. What another search of it could still gain is of second order
 # in that difference: below 1 % of the level.
 LEARNT_ERROR = 0.1
-# Tries, every second with half the step, before what cannot be evaluated is the model's end, and
-# what is far lower a jump: after 8 halvings a step is 1/256 of what it was.
-MOST_TRIES = 16
+# Tries, every second with a shorter step, before what cannot be evaluated is the model's end, and
+# what is far lower a jump: after four a step is 1/256 of what it was.
+MOST_TRIES = 8
+SHORTER = 0.25
 # The share of the way from the best value within which the model's end, or a jump, is found.
 FINE_SHARE = 1e-3
 # Points of a path at most: a guard, far above the 10 of paths of bundled tables. Chosen by hand.
@@ -126,7 +127,7 @@ class _Path:
         return np.asarray(x_last + share * (x_last - x_before))
 
     def accept(self, x: FloatArray, cost: float) -> None:
-        """Add the point that a search reached, or go back half a step. The path stops where the
+        """Add the point that a search reached, or go back most of a step. The path stops where the
         drop is enough, at the bound, or at the model's end; it passes over what lies between two
         maxima.
         """
@@ -140,7 +141,7 @@ class _Path:
         if not math.isfinite(cost) or (jump and not far and not sure):
             self.tries += 1
             # Along a wall there may be an answer from elsewhere.
-            self.step = step if self.tries % 2 else 0.5 * step
+            self.step = step if self.tries % 2 else SHORTER * step
             self.running = not (fine and self.tries % 2 == 0)
             return
         self.at.append(at)
