@@ -131,7 +131,7 @@ def test_a_disc_that_is_far_off_is_corrected_by_gravity():
         assert_allclose(scales["by_gravity [mm/px]"], 1.4, rtol=0.1)
     # The longer flights are seen, the more gravity corrects.
     assert (errors[0.95] - errors[1.0] < 0.0526).all()
-    assert (errors[0.95] - errors[1.0]).min() < 0.03
+    assert (errors[0.95] - errors[1.0]).min() < 0.04
 
 
 def test_a_stated_scale_is_only_checked(session):
