@@ -9,7 +9,7 @@ read one after the other, blur, shot noise, H.264. OUT.truth.csv has what the ca
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -36,7 +36,8 @@ DIRECT, AROUND = 0.75, 0.38
 @dataclass(frozen=True)
 class Scene:
     """What is filmed and how. Velocities [m/s] and spins [rad/s, topspin positive] before and
-    after a contact of `gap_time` [s] and `gap_path` [m]; `rows` and `columns` [px], `rate` [1/s],
+    after a contact of `gap_time` [s], `gap_path` [m] and `gap_turn` [rad], of the mean spin if
+    None; `rows` and `columns` [px], `rate` [1/s],
     `mm_per_px`, `exposure` [s], `row_time` [s/px], `tilt` [rad], `blur` [px]; `shake` [px] of a
     hand; `shadow` and `contrast` as shares; `people` walk behind. `ball` and `wall` are linear RGB,
     `mark` is dot, stripe, seam or plain. `land` and `court` place the impact as shares of width and
@@ -52,6 +53,7 @@ class Scene:
     omega_2: float = 110.0
     gap_time: float = 0.005
     gap_path: float = 0.02
+    gap_turn: float | None = None
     rows: int = 360
     columns: int = 640
     rate: float = 240.0
@@ -120,14 +122,15 @@ def _bounced(scene: Scene) -> Callable[[FloatArray], FloatArray]:
 
     first = flight(scene.v_x1, -scene.v_y1, scene.omega_1, -scene.before - 0.1)
     second = flight(scene.v_x2, scene.v_y2, scene.omega_2, scene.after + 0.1)
-    gap, path = scene.gap_time, scene.gap_path
-    half = 0.5 * (scene.omega_1 + scene.omega_2) * gap
+    gap, path, gap_turn = scene.gap_time, scene.gap_path, scene.gap_turn
+    if gap_turn is None:
+        gap_turn = 0.5 * (scene.omega_1 + scene.omega_2) * gap
 
     def at(times: FloatArray) -> FloatArray:
         s = np.clip(times / gap, 0.0, 1.0)
         down = first(np.minimum(times, 0.0).ravel())[:2].reshape(2, *times.shape)
         up = second(np.maximum(times - gap, 0.0).ravel())[:2].reshape(2, *times.shape)
-        turn = scene.omega_1 * np.minimum(times, 0.0) + half * s
+        turn = scene.omega_1 * np.minimum(times, 0.0) + gap_turn * s
         turn = turn + scene.omega_2 * np.maximum(times - gap, 0.0)
         # Hermite's polynomials: place and velocity are continuous.
         start, end = (1.0 - s) ** 2 * s, s**2 * (s - 1.0)
@@ -366,43 +369,8 @@ class Film:
                 (255.0 * np.clip(picture, 0.0, 1.0) ** (1.0 / GAMMA) + 0.5).astype(np.uint8),
             )
 
-    def write(self, path: Path) -> FloatArray:
-        """The film, and beside it the truth of its frames: number, stamp, time, centre, radius,
-        turn, and phase (0 before the contact, 1 in it, 2 after it, 3 not whole in the picture).
-        """
-        import av
-
-        scene = self.scene
-        rate = Fraction(scene.rate / scene.stretch).limit_denominator(1001)
-        rows = []
-        with av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as box:
-            stream: Any = box.add_stream("libx264", rate=rate)
-            stream.width, stream.height, stream.pix_fmt = scene.columns, scene.rows, "yuv420p"
-            stream.bit_rate = int(scene.bitrate)
-            stream.options = {"preset": "veryfast", "bf": "0", "threads": "1"}
-            stream.codec_context.time_base = Fraction(1, 90000)
-            if abs(scene.stretch - 1.0) > 0.0:
-                box.metadata["com.android.capture.fps"] = f"{scene.rate:g}"
-            for k, (start, picture) in enumerate(self.frames()):
-                frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
-                frame.pts = round(k * 90000 * scene.stretch / scene.rate)
-                frame.time_base = Fraction(1, 90000)
-                box.mux(stream.encode(frame))
-                rows.append((k, frame.pts / 90000, *self._truth(start)))
-            box.mux(stream.encode())
-        head = "frame,pts,t,col,row,radius,angle,phase"
-        truth = np.array(rows)
-        np.savetxt(
-            path.with_suffix(".truth.csv"),
-            truth,
-            fmt="%.7g",
-            delimiter=",",
-            header=head,
-            comments="",
-        )
-        return truth
-
-    def _truth(self, start: float) -> tuple[float, ...]:
+    def truth(self, start: float) -> tuple[float, ...]:
+        """Time, centre, radius, turn and phase of a frame that starts so, as `write` has them."""
         scene, r = self.scene, self.radius
         time = self.seen_at(start)
         state = self.at(np.array(time))
@@ -412,9 +380,43 @@ class Film:
         return time, column, row, r, float(state.turn), phase if whole and scene.ball_there else 3
 
 
+def write(path: Path, films: Sequence[Film], preset: str = "veryfast") -> FloatArray:
+    """A film of one or several throws, cut together, with the scene of the first, and beside it the
+    truth of its frames: number, stamp, time from landing, centre, radius, turn, and phase (0 before
+    the contact, 1 in it, 2 after it, 3 not whole in the picture).
+    """
+    import av
+
+    scene = films[0].scene
+    rate = Fraction(scene.rate / scene.stretch).limit_denominator(1001)
+    rows = []
+    with av.open(str(path), "w", options={"movflags": "use_metadata_tags"}) as box:
+        stream: Any = box.add_stream("libx264", rate=rate)
+        stream.width, stream.height, stream.pix_fmt = scene.columns, scene.rows, "yuv420p"
+        stream.bit_rate = int(scene.bitrate)
+        stream.options = {"preset": preset, "bf": "0", "threads": "1"}
+        stream.codec_context.time_base = Fraction(1, 90000)
+        if abs(scene.stretch - 1.0) > 0.0:
+            box.metadata["com.android.capture.fps"] = f"{scene.rate:g}"
+        throws = ((film, *taken) for film in films for taken in film.frames())
+        for k, (film, start, picture) in enumerate(throws):
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.pts = round(k * 90000 * scene.stretch / scene.rate)
+            frame.time_base = Fraction(1, 90000)
+            box.mux(stream.encode(frame))
+            rows.append((k, frame.pts / 90000, *film.truth(start)))
+        box.mux(stream.encode())
+    truth = np.array(rows)
+    head = "frame,pts,t,col,row,radius,angle,phase"
+    place = path.with_suffix(".truth.csv")
+    np.savetxt(place, truth, fmt="%.7g", delimiter=",", header=head, comments="")
+    return truth
+
+
 def scene_with(changes: list[str]) -> Scene:
     """The usual scene with changes such as `tilt=0.03`."""
-    kinds = {field.name: type(getattr(Scene(), field.name)) for field in fields(Scene)}
+    usual = {field.name: getattr(Scene(), field.name) for field in fields(Scene)}
+    kinds = {name: float if value is None else type(value) for name, value in usual.items()}
     values: dict[str, Any] = {}
     for change in changes:
         name, _, text = change.partition("=")
@@ -432,5 +434,5 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("changes", nargs="*", help="name=value of a Scene")
     options = parser.parse_intermixed_args()
-    made = Film(scene_with(options.changes), options.seed).write(options.out)
+    made = write(options.out, [Film(scene_with(options.changes), options.seed)])
     print(f"{options.out}: {len(made)} frames, {options.out.stat().st_size / 1e3:.0f} kB")

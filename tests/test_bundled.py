@@ -40,7 +40,7 @@ def test_every_table_has_a_scene_that_describes_it():
     by_name = descriptions()
     assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*by_name}
     assert all(by_name.values())
-    assert [*descriptions("tracks")] == ["table_tennis_topspin"]
+    assert [*descriptions("tracks")] == ["four_throws", "table_tennis_topspin"]
     # Of others, by its licence.
     path = path_of_source("table_tennis_topspin", "tracks")
     assert path.with_suffix(".LICENSE").is_file()

@@ -19,6 +19,8 @@ from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame
 
+# Endings of bundled files.
+_ENDINGS = (".csv", ".mp4")
 # Text before the key of a published prior.
 PUBLISHED = "literature:"
 
@@ -33,11 +35,23 @@ def datasets_folder() -> Path:
 def descriptions(kind: str = "") -> dict[str, str]:
     """Descriptions of the bundled tables (or, of kind "tracks", films), by name."""
     by_name = {}
-    for path in sorted((datasets_folder() / kind).glob("*.csv")):
-        text = path.with_suffix(".toml").read_text(encoding="utf-8")
-        scene = tomllib.loads(text)
+    for path in sorted((datasets_folder() / kind).glob("*.toml")):
+        scene = tomllib.loads(path.read_text(encoding="utf-8"))
         by_name[path.stem] = str(scene["source"]["description"])
     return by_name
+
+
+def bundled_file(text: str, kind: str = "") -> Path | None:
+    """The file of a bundled table (of kind "tracks": film) by its name, with the ending or without;
+    None if there is none.
+    """
+    names = descriptions(kind)
+    for ending in _ENDINGS:
+        name = text.removesuffix(ending)
+        file = datasets_folder() / kind / f"{name}{ending}"
+        if name in names and file.is_file():
+            return file
+    return None
 
 
 def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
@@ -53,12 +67,11 @@ def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
     is_folder = os.path.isdir(text)  # noqa: PTH112
     if os.path.exists(text) and not is_folder:  # noqa: PTH110
         return path
-    bundled = descriptions(kind)
-    name = text.removesuffix(".csv")
-    if name in bundled:
-        return datasets_folder() / kind / f"{name}.csv"
+    bundled = bundled_file(text, kind)
+    if bundled is not None:
+        return bundled
     fault = "no such file"
-    hint = suggestion(path.stem, bundled)
+    hint = suggestion(path.stem, descriptions(kind))
     if is_folder:
         fault = "a folder, no file"
         fits = sorted(path.glob("*/fit.json"))

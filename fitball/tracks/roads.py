@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from fitball.base.errors import Fault, InputError, ParameterError
 from fitball.base.progress import Progress
 from fitball.base.text import one_line
+from fitball.data.bundled import bundled_file
 from fitball.data.read import TableSource
 from fitball.data.scene import Scene
 from fitball.tracks.film import Filmed
@@ -60,6 +61,7 @@ def impacts_of(
             kind (`other-option`).
         InputError, FolderError, ParameterError: those of `track`, `watch` or `hear`.
     """
+    sources = [_with_bundled(source) for source in sources]
     kinds = {_kind(source) for source in sources}
     if len(kinds) > 1:
         words = "films, recordings and tables of positions were given together; one kind a call"
@@ -79,6 +81,15 @@ def impacts_of(
 
 
 _NAMES = {"table": "a table of positions", "film": "a film", "sound": "a recording"}
+
+
+def _with_bundled(source: TableSource) -> TableSource:
+    """The bundled film that a source names, if there is no such file; another source as it is."""
+    if isinstance(source, str | Path) and not Path(source).exists():
+        bundled = bundled_file(str(source), "tracks")
+        if is_film(bundled):
+            return bundled
+    return source
 
 
 def _kind(source: TableSource) -> str:

@@ -29,9 +29,9 @@ from fitball.video.views import View, course_of, views_of
 # The camera may shake by so much [px], 90 % of the time; less than the second is no shake.
 _MOST_SHAKE = 8.0
 _NO_SHAKE = 0.3
-# Balls besides the longest one have so many of its frames, and there are so many at most.
+# Balls besides the longest one have so many of its frames, and there are so many at once at most.
 _ALSO = 0.6
-_MOST_BALLS = 3
+_MOST_AT_ONCE = 3
 # Longest things that are named where there is no ball.
 _NAMED = 3
 # A ball is a disc in this share of its frames, with an edge of such a blur [px].
@@ -93,18 +93,37 @@ def find_balls(clip: Clip, look: Look, progress: Progress) -> Seen:
         shake = 0.0
     flights = flights_of(spots.found, spots.times, look.diameter, look.rolling)
     chains = _rolling(flights, look) if look.rolling else balls_of(flights, look.diameter)
-    chains = [c for c in chains if frames_of(c) > _ALSO * frames_of(chains[0])][:_MOST_BALLS]
     balls, reasons = [], []
-    for chain in chains:
+    for chain in _chosen(chains):
         ball, reason = _measured(clip, look, spots, chain, progress)
         if ball is None:
             reasons.append(reason)
         else:
             balls.append(ball)
     reason = ""
-    if not balls:
+    if balls:
+        notes += [Note("not-a-ball", f"left out: {text}") for text in reasons]
+    else:
         reason = "; ".join(dict.fromkeys(reasons)) or _nothing(flights, clip, look)
     return _seen(clip, look, spots, balls, shake, notes, reason)
+
+
+def _chosen(chains: Sequence[Chain]) -> list[Chain]:
+    """Those of chains, the longest first, that are long enough for balls, in the order of time. One
+    film may have many throws, but few balls fly at once.
+    """
+    chosen = list[Chain]()
+    for chain in chains:
+        if frames_of(chain) <= _ALSO * frames_of(chains[0]):
+            break
+        at_once = 0
+        for other in chosen:
+            is_later = chain[0].frames[0] > other[-1].frames[-1]
+            is_earlier = chain[-1].frames[-1] < other[0].frames[0]
+            at_once += not (is_later or is_earlier)
+        if at_once < _MOST_AT_ONCE:
+            chosen.append(chain)
+    return sorted(chosen, key=lambda chain: int(chain[0].frames[0]))
 
 
 def _shake(spots: Spots) -> float:

@@ -103,7 +103,7 @@ def render_film(folder: Path, name: str, scene: Any, seed: int) -> None:
     path = folder / "truth.json"
     known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     film = render.Film(scene, seed)
-    film.write(folder / f"{name}.mp4")
+    render.write(folder / f"{name}.mp4", [film])
     (folder / f"{name}.truth.csv").rename(folder / f"{name}.frames.csv")
     known[name] = {
         "states": {key: getattr(scene, key) for key in (*UNITS, *SPINS)},

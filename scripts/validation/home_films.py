@@ -8,7 +8,7 @@ picture, the court by a ball that rolls on it or not at all.
 counts how often 95 % intervals hold, with a ball that rolls (`roll`) and without (`bare`).
 
 `--table`: the ball of the thesis, by films, rates and with or without a ball that rolls: what
-`calibrate` says of its stiffnesses.
+`calibrate` says of its stiffnesses in so many sessions of each.
 
 `--worth`: errors of one film by how it is filmed: rate, exposure, distance, mark, court.
 """
@@ -16,6 +16,7 @@ counts how often 95 % intervals hold, with a ball that rolls (`roll`) and withou
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from importlib import import_module
@@ -160,6 +161,7 @@ def report_sessions(folder: Path, count: int) -> None:
             print("    failed:", str(reason)[:300])
 
 
+STIFFNESSES = ("k_y", "k_theta")
 # The ball of the thesis.
 BALL: Mapping[str, float] = {
     "mass_ratio": 0.87,
@@ -184,38 +186,75 @@ def truth_of_thesis(count: int, rng: np.random.Generator) -> Truth:
     return draw_truth(rng, count, throws, BALL)
 
 
-def record_of_cell(cells: list[tuple[int, float, bool, bool]], number: int) -> Record:
-    """What `calibrate` says of the stiffnesses by so many films, at a rate, with a ball that rolls
-    or not, with a mark or not.
+class Cell(NamedTuple):
+    """A cell of the table: so many films, and how they are filmed."""
+
+    films: int
+    setting: Setting
+
+    @property
+    def name(self) -> str:
+        """What is varied, in words."""
+        roll = "roll" if self.setting.roll else "bare"
+        mark = "mark" if self.setting.marked else "plain"
+        return f"{self.films} films, {self.setting.fps:g}/s, {roll}, {mark}"
+
+
+FILMS = (6, 12, 24)
+RATES = (120.0, 240.0)
+CELLS = (
+    *(Cell(n, Setting(fps, roll=r)) for n in FILMS for fps in RATES for r in (True, False)),
+    Cell(12, Setting(marked=False)),
+)
+
+
+def record_of_cell(number: int) -> Record:
+    """What `calibrate` says of the stiffnesses in a session of a cell; numbers go through all cells
+    before a second session of the first.
     """
-    count, fps, roll, marked = cells[number]
-    rng = np.random.default_rng([count, int(fps), roll, marked])
-    truth = truth_of_thesis(count, rng)
-    film = tracked(truth, Setting(fps=fps, roll=roll, marked=marked), rng)
-    fit = fitball.calibrate(film.table, scene=film.scene, as_read=True, cores=1, progress=False)
+    cell = CELLS[number % len(CELLS)]
+    rng = np.random.default_rng([58, number])
+    truth = truth_of_thesis(cell.films, rng)
+    film = tracked(truth, cell.setting, rng)
+    # Profiles have the ends of intervals too, and take a tenth of the time.
+    fit = fitball.calibrate(
+        film.table,
+        scene=film.scene,
+        as_read=True,
+        point_only=True,
+        cores=1,
+        progress=False,
+    )
     said = {}
-    for name in ("k_y", "k_theta"):
+    for name in STIFFNESSES:
         if name in fit.parameters:
             row = fit.summary.loc[name]
-            keys = ("median", "q025", "q975", "verdict", "given")
-            said[name] = {key: str(row[key]) for key in keys}
-    return {"films": count, "fps": fps, "roll": roll, "marked": marked, "said": said}
+            keys = ("point", "profile_low", "profile_high")
+            said[name] = {key: float(row[key]) for key in keys}
+            said[name] |= {key: str(row[key]) for key in ("verdict", "given")}
+    return {"cell": cell.name, "said": said}
 
 
-def report_table(folder: Path) -> None:
-    """Print what is determined by so many films."""
-    cells = [
-        (12, 240.0, True, True),
-        (12, 240.0, False, True),
-        (6, 240.0, True, True),
-        (24, 240.0, True, True),
-        (12, 120.0, True, True),
-        (12, 240.0, True, False),
-        (24, 240.0, False, True),
-    ]
-    make = partial(record_of_cell, cells)
-    for record in replicates("home-table", make, range(len(cells)), folder):
-        print(record)
+def report_table(folder: Path, count: int) -> None:
+    """Print what so many sessions of each cell determine: how many 95 % intervals hold the truth,
+    by profiles, the median of their half widths, and verdicts with what they rest on.
+    """
+    records = replicates("home-table", record_of_cell, range(count * len(CELLS)), folder)
+    for place, cell in enumerate(CELLS):
+        of_cell = records[place :: len(CELLS)]
+        fitted = [record["said"] for record in of_cell if "failed" not in record]
+        print(f"{cell.name}: {len(fitted)} of {len(of_cell)} sessions fitted")
+        for name in STIFFNESSES:
+            rows = [said[name] for said in fitted if name in said]
+            if not rows:
+                print(f"    {name}: no parameter of the model that is chosen")
+                continue
+            ends = [(row["profile_low"], row["profile_high"]) for row in rows]
+            held = sum(low <= BALL[name] <= high for low, high in ends)
+            widths = [50.0 * (high - low) / BALL[name] for low, high in ends]
+            verdicts = Counter(f"{row['verdict']} ({row['given']})" for row in rows)
+            print(f"    {name}: {held} of {len(rows)} hold, +- {np.median(widths):.0f} %", end="; ")
+            print(", ".join(f"{words} {times}" for words, times in verdicts.items()))
 
 
 def report_worth(count: int) -> None:
@@ -253,7 +292,9 @@ def main() -> None:
     parser.add_argument(
         "--sessions", type=int, default=0, metavar="N", help="sessions to be fitted"
     )
-    parser.add_argument("--table", action="store_true", help="what so many films determine")
+    parser.add_argument(
+        "--table", type=int, default=0, metavar="N", help="sessions of each cell of the table"
+    )
     parser.add_argument(
         "--worth", type=int, default=0, metavar="N", help="sessions of each way to film"
     )
@@ -261,7 +302,7 @@ def main() -> None:
     if arguments.sessions:
         report_sessions(arguments.folder, arguments.sessions)
     if arguments.table:
-        report_table(arguments.folder)
+        report_table(arguments.folder, arguments.table)
     if arguments.worth:
         report_worth(arguments.worth)
 
