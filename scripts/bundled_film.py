@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from render_film import Film, Scene, write
@@ -42,7 +43,7 @@ def scenes() -> list[Scene]:
         angle = np.radians(degrees)
         v_x1, v_y1 = speed * np.cos(angle), speed * np.sin(angle)
         rebound = model.rebound(BALL, fitball.impacts(v_x1, v_y1, spin))
-        after = {name: float(getattr(rebound, name)[0]) for name in REBOUND}
+        after: dict[str, Any] = {name: float(getattr(rebound, name)[0]) for name in REBOUND}
         scene = Scene(
             v_x1=v_x1,
             v_y1=v_y1,

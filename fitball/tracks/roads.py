@@ -87,7 +87,7 @@ def _with_bundled(source: TableSource) -> TableSource:
     """The bundled film that a source names, if there is no such file; another source as it is."""
     if isinstance(source, str | Path) and not Path(source).exists():
         bundled = bundled_file(str(source), "tracks")
-        if is_film(bundled):
+        if bundled is not None and is_film(bundled):
             return bundled
     return source
 

@@ -225,10 +225,10 @@ def record_of_cell(number: int) -> Record:
         cores=1,
         progress=False,
     )
-    said = {}
+    said: dict[str, dict[str, Any]] = {}
     for name in STIFFNESSES:
         if name in fit.parameters:
-            row = fit.summary.loc[name]
+            row: Any = fit.summary.loc[name]
             keys = ("point", "profile_low", "profile_high")
             said[name] = {key: float(row[key]) for key in keys}
             said[name] |= {key: str(row[key]) for key in ("verdict", "given")}
