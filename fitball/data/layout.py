@@ -328,7 +328,8 @@ def _rows_of_data(
 def _why_longer(row: Sequence[str], width: int) -> str:
     """What may be the cause where a row has more cells than the header, which has this `width`."""
     if len(row) == width + 1:
-        return "; if a cell of the header is missing, such as that of names of rows, add it"
+        cause = "remove a decimal comma or stray separator"
+        return f"; {cause}, or add the missing cell of the header, such as that of names of rows"
     if len(row) > width and not any("." in cell for cell in row):
         return "; if commas separate cells and decimals too, write decimal points"
     return ""
