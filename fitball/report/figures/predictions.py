@@ -225,7 +225,7 @@ _OVER = {
     "theta_1": ("angle", DEG),
     "v_1": ("speed", M_PER_S),
     "omega_1": ("spin", RAD_PER_S),
-    "row": ("row of the table", PLAIN),
+    "row": ("row", PLAIN),
 }
 # Residuals are drawn over a quantity that varies by more than this share of its size.
 _VARIES = 0.05
