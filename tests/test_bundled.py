@@ -36,6 +36,14 @@ def test_what_is_nowhere(source, tmp_path, monkeypatch):
     assert len(str(caught.value)) < 600
 
 
+def test_a_folder_of_tables_names_what_to_pass(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lots").mkdir()
+    (tmp_path / "lots" / "lot-01.csv").write_text("v_y1,v_y2\n5,4\n")
+    with pytest.raises(FolderError, match=r"name its tables, lots/\*\.csv$"):
+        path_of_source("lots/")
+
+
 def test_every_table_has_a_scene_that_describes_it():
     by_name = descriptions()
     assert {"wang_all", "synthetic_gaps", "synthetic_court", "synthetic_drop"} < {*by_name}

@@ -252,6 +252,22 @@ def test_a_description_of_the_data_is_quoted_as_it_is():
     assert bare.count(".") == 1
 
 
+def test_surface_and_court_are_named_apart():
+    scene = Scene(laboratory={"operator": "two"}, surface={"court": "court 3", "name": "acrylic"})
+    assert fit_words.data_lines(fit_by_hand(scene=scene))[-1] == (
+        "Operator: two; surface: acrylic; court: court 3."
+    )
+
+
+def test_differences_of_best_values_are_not_judged(pooled):
+    judged = "differ more than by chance"
+    assert judged in to_text(fit_page.report(pooled))
+    point = fit_by_hand(table_of(60, SURFACES), sampled=False, model="two-mass")
+    text = to_text(fit_page.report(point))
+    assert "no difference has an interval" in text
+    assert judged not in text
+
+
 @pytest.fixture
 def found(monkeypatch):
     """A function that makes pages find these rows of laboratory tests."""
@@ -285,6 +301,8 @@ def test_court_pace_is_laid_out(fit, found):
     assert "slow" in first
     assert "67 %" in first
     assert "uneven" in of_places
+    assert "partially pooled" in of_places
+    assert "unpooled means 6.2" in of_places
     assert "9 impacts a location (here 4)" in asked
     assert lab.section(fit).title == "Court pace"
     rows = lab.section(fit).blocks[0].rows

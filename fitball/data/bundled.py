@@ -77,6 +77,8 @@ def path_of_source(source: str | os.PathLike[str], kind: str = "") -> Path:
         fits = sorted(path.glob("*/fit.json"))
         if fits:
             hint = f"did you mean the fit {fits[0].parent}?"
+        elif any(path.glob("*.csv")):
+            hint = f"name its tables, {one_line(text.rstrip('/'))}/*.csv"
     words = f"{one_line(text)}: {fault}, and no bundled one of this name; {hint}"
     raise FolderError(words, "not-found")
 

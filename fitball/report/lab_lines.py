@@ -152,14 +152,17 @@ def _pace_lines(court: FrameRow, places: Sequence[FrameRow]) -> Iterator[Mark]:
     ]
     joined = listed(each, "to" if len(places) > MOST_LISTED else "and")
     by_chance = court.number("by_chance")
-    size = f"largest difference of location means {fixed(court.number('variation'), 1)}"
+    size = f"largest difference of unpooled means {fixed(court.number('variation'), 1)}"
     if not np.isfinite(by_chance):
         yield Mark(f"Places: {joined}; {size}, without repeats it may be noise.")
-    elif by_chance < _SIGNIFICANT:
+        return
+    # Values of places are drawn towards each other, their difference is not.
+    compared = f"Places, partially pooled: {joined}; {size}"
+    if by_chance < _SIGNIFICANT:
         even = f"the court is uneven (by chance {chance(by_chance)})"
-        yield Mark(f"Places: {joined}; {size}: {even}.", "part")
+        yield Mark(f"{compared}: {even}.", "part")
     else:
-        yield Mark(f"Places: {joined}; {size}, not more than by chance ({chance(by_chance)}).")
+        yield Mark(f"{compared}, not more than by chance ({chance(by_chance)}).")
 
 
 def _drop_conditions(
