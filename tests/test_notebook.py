@@ -4,6 +4,7 @@ import builtins
 import contextlib
 import io
 import pickle
+import struct
 import sys
 import types
 from html.parser import HTMLParser
@@ -149,3 +150,13 @@ def test_a_long_run_is_one_output_that_ends_at_100_percent(monkeypatch, fails):
     assert not any("<1>" in state for state in output.states)
     # A new stage is shown at once, shares of one only after some time.
     assert 4 <= len(output.states) < 100
+
+
+@pytest.mark.parametrize("name", ["curves", "corner"])
+def test_a_figure_is_shown_without_the_inline_backend(fit, name):
+    """As a notebook asks for it: matplotlib registers its own way with the backend only."""
+    image = fit.plot(name)._repr_png_()
+    width, height = struct.unpack(">II", image[16:24])
+    figure = fit.plot(name)
+    assert image.startswith(b"\x89PNG")
+    assert (width, height) == tuple(np.round(figure.get_size_inches() * figure.dpi).astype(int))
