@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from fitball.exports.ports.offered import (
+    NOT_FINITE,
     Parameters,
     Vector,
     along,
@@ -52,9 +53,8 @@ def step(
     flight: Flight, acceleration: Vector, dt: float, plane: Plane, parameters: Parameters
 ) -> Flight:
     """The ball after the time `dt` with a constant acceleration, over a plane on which it bounces,
-    rests and rolls.
+    rests and rolls; where a number is not finite, as it was with the status -1.
     """
-    still = Vector(0.0, 0.0, 0.0)
     up = along(plane.normal, Vector(math.nan, math.nan, math.nan))
     surface = plane.height + parameters.ball_radius
     g = dot(acceleration, up)
@@ -98,8 +98,7 @@ def step(
     if on_plane:
         v = plus(v, -dot(v, up), up)
     if on_plane and rest > 0.0:
-        pushed = plus(acceleration, -g, up)
-        rolled = rolling(plus(v, rest, pushed), w, up, -g * rest, parameters)
+        rolled = rolling(plus(v, rest, plus(acceleration, -g, up)), w, up, -g * rest, parameters)
         p = plus(plus(p, 0.5 * rest, v), 0.5 * rest, rolled.velocity)
         turn = plus(plus(turn, 0.5 * rest, w), 0.5 * rest, rolled.spin)
         v = rolled.velocity
@@ -110,10 +109,33 @@ def step(
         v = plus(v, rest, acceleration)
         turn = plus(turn, rest, w)
         rest = 0.0
-    ahead = plus(still, dt - rest, plane.velocity)
-    p = plus(p, 1.0, ahead)
+    p = plus(p, dt - rest, plane.velocity)
     v = plus(v, 1.0, plane.velocity)
+    # What is not finite, or is left out in JavaScript, reaches one of these. The height of a
+    # surface does not reach the ball, which passes through a surface without one.
+    size = abs(surface + g + rest) + size_of(p, v) + size_of(w, turn)
+    if not size < math.inf:
+        return unmoved(flight)
     return Flight(p, v, w, turn, -rest, bounces, status, extrapolated)
+
+
+def size_of(a: Vector, b: Vector) -> float:
+    """A number that is finite if two vectors are."""
+    return abs(a.x + a.y + a.z + b.x + b.y + b.z)
+
+
+def unmoved(flight: Flight) -> Flight:
+    """A ball as it was, where a number is not finite."""
+    return Flight(
+        flight.position,
+        flight.velocity,
+        flight.spin,
+        flight.turn,
+        flight.ahead,
+        0,
+        NOT_FINITE,
+        True,
+    )
 
 
 def falls_in(height: float, v: float, g: float) -> float:
