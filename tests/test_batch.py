@@ -338,6 +338,29 @@ def batch_of_courts():
     return many.batch_of(None, results, None, fits.__getitem__)
 
 
+def test_balls_that_lie_apart_are_named():
+    def lot(slow):
+        """Six balls, four drops each, of which the last ball may be slow."""
+        drops = table_of(24, drop=True).assign(ball=[name for name in "abcdef" for _ in range(4)])
+        drops["v_y1"] = np.sqrt(2.0 * 9.80665 * 2.54)
+        wiggle = 1.0 + 2e-3 * np.sin(np.arange(24))
+        share = np.where(drops["ball"] == "f", slow, 1.0)
+        return fit_by_hand(drops.assign(v_y2=0.745 * drops["v_y1"] * wiggle * share))
+
+    fits = {"good": lot(1.0), "bad": lot(0.9)}
+    records = [rows.record_of(name, fit, "2026-05-01") for name, fit in fits.items()]
+    batch = many.batch_of(None, records, None, fits.__getitem__)
+    assert batch.tables.loc["bad", "outlying"] == "f"
+    assert batch.tables["outlying"].isna()["good"]
+    assert "f of bad" in note(batch, "outlying-balls")
+    assert note(many.batch_of(None, records[:1], None, fits.__getitem__), "outlying-balls") == ""
+
+
+def note(batch, code):
+    """The text of the note of that code, or "" where there is none."""
+    return "".join(one.text for one in batch.notes if one.code == code)
+
+
 def test_a_row_has_labels_verdicts_and_laboratory_tests(batch_of_courts):
     tables = batch_of_courts.tables
     assert tables.loc["court 1", "mu_verdict"] == "given"

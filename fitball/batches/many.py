@@ -26,6 +26,7 @@ from fitball.base.numbers import counted
 from fitball.base.options import read_pairs, read_texts
 from fitball.base.progress import Progress
 from fitball.base.scheduling import as_completed
+from fitball.base.text import listed
 from fitball.base.values import DataFrame
 from fitball.batches import rows
 from fitball.batches.batch import Batch
@@ -206,6 +207,14 @@ def _notes(tables: DataFrame) -> Iterator[Note]:
             "tables need: leave the option out for them"
         )
         yield Note("no-posterior", f"{text}.")
+    columns = [name for name in map(str, tables) if name.partition("[")[0] == rows.OUTLYING]
+    apart = [
+        f"{balls} of {table}"
+        for column in columns
+        for table, balls in tables[column].dropna().items()
+    ]
+    if apart:
+        yield Note("outlying-balls", f"Balls apart from the others: {listed(apart)}.")
 
 
 def _notes_on_charts(

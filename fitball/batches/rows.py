@@ -30,6 +30,8 @@ from fitball.uses.groups import (
 from fitball.uses.hierarchy import LEAST_GROUPS, Group, Hierarchy, hierarchy, measured_group
 from fitball.uses.measured import lab_tests
 
+# The column with the balls of a table that lie apart from the others.
+OUTLYING = "outlying"
 DONE = "done"
 FAILED = "failed"
 # Columns of a table that failed, too.
@@ -201,10 +203,11 @@ def _value_columns(
 
 
 def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
-    """What was measured in laboratory tests; into the `row` go the category of a court and the
-    chances to pass.
+    """What was measured in laboratory tests; into the `row` go the category of a court, the chances
+    to pass, and the names of balls that lie apart from the others of their lot.
     """
     tests = lab_tests(fit)
+    apart = dict[str, list[str]]()
     for pace in tests.pace.to_dict("records"):
         if pace["place"]:
             continue
@@ -216,6 +219,8 @@ def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
         surface = drop["surface"]
         if drop["kind"] in ("mean", "another") and np.isfinite(drop["passes"]):
             row[_name_on(f"{drop['kind']}_passes", surface)] = drop["passes"]
+        if drop["kind"] == "ball" and drop["outlying"]:
+            apart.setdefault(_name_on(OUTLYING, surface), []).append(drop["label"])
         if drop["kind"] != "mean":
             continue
         for column, unit, meaning in (("cor", PLAIN, "COR of drops"), ("rebound", CM, "rebound")):
@@ -228,6 +233,7 @@ def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
                     drop[f"{column}_q025"],
                     drop[f"{column}_q975"],
                 )
+    row |= {name: ", ".join(balls) for name, balls in apart.items()}
 
 
 def _name_on(name: str, surface: str) -> str:
