@@ -267,7 +267,6 @@ def test_a_value_that_ends_at_zero_is_on_its_bound():
         model="brody",
         point_only=True,
     )
-    # The last step ends at zero itself, or beside it, as digits of the machine have it: within a
-    # millionth, which moves a rebound of 10 m/s by 0.00001 m/s, it is zero.
-    assert_within(fit.least_squares.values["mu"], 0.0, 1e-6)
+    # On some machines the last step ends at zero itself.
+    assert_within(fit.least_squares.values["mu"], 0.0, 1e-9)
     assert fit.least_squares.stderr["mu"] is None

@@ -404,3 +404,27 @@ def test_levels_that_differ_do_not_agree_at_the_maximum(monkeypatch):
     # Without the smooth prior the search goes where both agree.
     monkeypatch.setattr(type(problem.prior), "smooth", property(lambda prior: prior))
     assert difference_of_frictions() < 0.001
+
+
+def test_a_search_that_gains_goes_on_and_one_that_creeps_ends(monkeypatch):
+    problem = problem_of(table_of(REBOUND, count=12), None, "two-mass")
+    starts = near(problem, 6, 1.0)
+    evaluated = []
+    cost_of = Objective.cost
+
+    def counted(self, x):
+        evaluated.append(len(x))
+        return cost_of(self, x)
+
+    monkeypatch.setattr(Objective, "cost", counted)
+    _, cost, _ = descend(Objective(problem), starts, 1e-4)
+    of_all = len(evaluated)
+    assert of_all > 8
+    evaluated.clear()
+    _, patient, _ = descend(Objective(problem), starts, 1e-4, patience=4)
+    assert len(evaluated) <= of_all
+    # The best one gains in all rounds but its last ones.
+    assert_allclose(patient.min(), cost.min(), atol=0.01)
+    evaluated.clear()
+    descend(Objective(problem), starts, 1e-4, patience=0)
+    assert len(evaluated) < 4
