@@ -30,6 +30,7 @@ from fitball.inference.density import (
     log_likelihood,
     pointwise,
 )
+from fitball.inference.forward import ForwardModel
 from fitball.inference.problem import row_errors
 
 FORMS = list(
@@ -288,6 +289,25 @@ def test_slopes_are_those_of_the_density(errors):
         exact = (far_below - 8.0 * below + 8.0 * above - far_above) / 12e-4
         slope = gradient[k] * width
         assert slope == pytest.approx(exact, rel=1e-4, abs=1e-3), problem.free[k]
+
+
+@pytest.mark.parametrize("errors", ["", "sd"])
+def test_slopes_with_noise_take_no_bounces(errors, monkeypatch):
+    problem = all_at_once("student-t", errors)
+    q = problem.coordinates(truth_of(problem))[None].repeat(3, axis=0)
+    q[1:] += 0.1 * problem.prior.width
+    rows = list[int]()
+    bounced = ForwardModel.rebound
+
+    def counted(forward, values, states, index):
+        rows.append(len(values["k_y"]))
+        return bounced(forward, values, states, index)
+
+    monkeypatch.setattr(ForwardModel, "rebound", counted)
+    cell_slopes(problem, q)
+    moving = len(problem.free) - len(problem.noises)
+    # The last two are the same: of these there are bounces once.
+    assert sum(rows) == 2 * (1 + 2 * moving)
 
 
 def test_a_slope_at_a_bound_is_one_sided():
