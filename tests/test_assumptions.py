@@ -27,7 +27,7 @@ from fitball.inference.judgement.variants import leave_one_out_density
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.sampling.importance import importance
-from fitball.inference.schema import Alternative, Constant, Summary
+from fitball.inference.schema import Alternative, Constant, Judgement, Summary
 from fitball.inference.search.best_fit import best_fit
 from fitball.inference.search.objective import Objective, descend
 
@@ -303,6 +303,23 @@ def test_a_choice_whose_draws_are_not_reliable_was_not_tried(monkeypatch):
         assert bool(heavy_tails.reason) == (reliable < 0.0)
         assert bool(heavy_tails.summaries) != bool(heavy_tails.reason)
     assert what_values_rest_on((heavy_tails,), (), fit) == dict.fromkeys(problem.free, ("model",))
+
+
+def test_it_is_said_of_given_values_too_that_a_move_is_at_the_limit(monkeypatch):
+    """All moves are at a limit that none of them reaches within its error."""
+    problem = problem_of(table_of(REBOUND, count=12), scene_of(), "grip-slip")
+    point = at(problem, best(problem))
+    monkeypatch.setattr(module, "SURE_BY_ERRORS", np.inf)
+    judged = {
+        "mu": Judgement("identified", "determined", "."),
+        "e_x": Judgement("given", "determined", ".", ("radius",)),
+        "cor_10": Judgement("one-sided", "one-sided", "."),
+    }
+    results, _ = alternatives(problem, point, np.random.default_rng(1), judged)
+    tried = [result for result in results if result.as_good and not result.reason]
+    assert tried
+    for result in tried:
+        assert {*result.unsure} == {"mu", "e_x"} & {*result.summaries}
 
 
 def test_what_a_value_is_given():

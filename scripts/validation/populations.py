@@ -1,5 +1,6 @@
-"""Are centre and spread over tables right? `python scripts/validation/populations.py [COUNT]`, of
-200 populations by default.
+"""Are centre and spread over tables right? `populations.py [COUNT --friction 0.62]`, of 200
+populations by default. Where friction is high no ball slides in most tables: their friction is
+one-sided.
 
 Tables of simulated populations are fitted one by one, under interim priors that are off the
 population. The study counts how often 95 % intervals contain the centre and the spread of the
@@ -8,8 +9,10 @@ control. Exit code 1 if the first are not within binomial limits, or if the cont
 quantity (data outweigh the prior of mu).
 """
 
+import argparse
 import sys
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,10 +56,8 @@ class Population(NamedTuple):
     scale: float
 
 
-POPULATIONS: Mapping[str, Population] = {
-    "mu": Population(float(np.log(0.62)), 0.1, 0.1),
-    "cor_10": Population(0.76, 0.02, 0.02),
-}
+# Quantities that have a population.
+QUANTITIES = ("mu", "cor_10")
 # Interim priors of the fits: of mu and cor_10 off the populations, as of a user who has read of
 # other courts; true values of the other parameters are drawn from theirs.
 PRIORS = {
@@ -73,6 +74,14 @@ PRIORS = {
 WAYS = ("divided out", "left in")
 # Quantities of a population whose intervals are counted.
 COUNTED = ("centre", "spread", "new table", "tables")
+
+
+def populations_of(friction: float) -> Mapping[str, Population]:
+    """The populations of QUANTITIES, of which that of mu is about this friction."""
+    return {
+        "mu": Population(float(np.log(friction)), 0.1, 0.1),
+        "cor_10": Population(0.76, 0.02, 0.02),
+    }
 
 
 def spread_prior(scale: float) -> Prior:
@@ -103,7 +112,7 @@ def groups_of(true: Mapping[str, float], rng: np.random.Generator) -> dict[str, 
     weights = np.exp(log_weights - np.logaddexp.reduce(log_weights))
     chosen = q[rng.choice(len(q), DRAWS, p=weights)]
     groups = {}
-    for name in POPULATIONS:
+    for name in QUANTITIES:
         k = problem.free.index(name)
         interim = problem.prior.parameters[k].prior
         group = drawn_group(chosen[:, k], interim.log_density)
@@ -121,15 +130,16 @@ def interim_priors() -> dict[str, Prior]:
     return priors
 
 
-def misses(seed: int) -> FloatArray:
+def misses(seed: int, friction: float) -> FloatArray:
     """Misses (quantities, ways, counted) of the intervals of a simulated population, 1 or 0; of its
     tables the share.
     """
+    populations = populations_of(friction)
     rng = np.random.default_rng([seed, 7])
     truth = {}
     tables = []
     priors = interim_priors()
-    for name, population in POPULATIONS.items():
+    for name, population in populations.items():
         centre = population.centre + population.sd * rng.standard_normal()
         spread = float(spread_prior(population.scale).quantile(rng.uniform(size=())))
         truth[name] = (centre, spread)
@@ -139,8 +149,8 @@ def misses(seed: int) -> FloatArray:
         true = {name: float(prior.quantile(rng.uniform(size=()))) for name, prior in priors.items()}
         true |= {"mu": float(np.exp(values["mu"][k])), "cor_10": float(values["cor_10"][k])}
         tables.append(groups_of(true, rng))
-    out = np.empty((len(POPULATIONS), len(WAYS), len(COUNTED)))
-    for j, (name, population) in enumerate(POPULATIONS.items()):
+    out = np.empty((len(populations), len(WAYS), len(COUNTED)))
+    for j, (name, population) in enumerate(populations.items()):
         for k in range(len(WAYS)):
             groups = [groups_of_table[name] for groups_of_table in tables]
             if WAYS[k] == "left in":
@@ -155,15 +165,20 @@ def misses(seed: int) -> FloatArray:
 
 def main() -> int:
     """Fit the populations and print how often intervals hold; 1 if that is not as it must be."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    results = [result for _, result in as_completed(misses, range(count))]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("count", type=int, nargs="?", default=200)
+    parser.add_argument("--friction", type=float, default=0.62)
+    asked = parser.parse_args()
+    count = asked.count
+    counted = partial(misses, friction=asked.friction)
+    results = [result for _, result in as_completed(counted, range(count))]
     fitted = [result for result in results if not isinstance(result, FitballError)]
     rates = np.mean(fitted, axis=0)
     low, high = (1.0 - binom.ppf(share, count, 0.05) / count for share in LIMITS[::-1])
     print(
         f"{len(fitted)} of {count} populations of {TABLES} tables; limits {low:.3f} to {high:.3f}"
     )
-    for j, name in enumerate(POPULATIONS):
+    for j, name in enumerate(QUANTITIES):
         for k, way in enumerate(WAYS):
             pairs = zip(COUNTED, rates[j, k], strict=True)
             print(name, way, *(f"{quantity} {1 - rate:.3f}" for quantity, rate in pairs))

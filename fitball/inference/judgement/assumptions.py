@@ -114,8 +114,9 @@ def alternatives(
     base = fit_variant(problem.on_rows(rows), start, rng)
     to_all = _beside_all(problem, x, base)
     most = max(EFFECTIVE_DRAWS, min(MOST_EFFECTIVE, MOST_BOUNCES / len(rows)))
-    identified = [name for name, found in judged.items() if found.verdict == "identified"]
-    fit = _Fit(base, to_all, {}, frozenset(identified), most)
+    identified = {name for name, found in judged.items() if found.verdict == "identified"}
+    given = {name for name, found in judged.items() if found.verdict == "given"}
+    fit = _Fit(base, to_all, {}, frozenset(identified), frozenset(given), most)
     drawn = _some_draws(base, rng, min(EFFECTIVE_OF_FIT, most))
     fit = fit._replace(weighed=_weighed_draws(fit, base, drawn)[1])
     probes = np.vstack([base.best, draws_about(base.problem, base.about, rng, PROBE_DRAWS)])
@@ -150,7 +151,8 @@ def alternatives(
         reason = "the model has no choices that could be changed"
         tried.append(_untried_alternative(UNTRIED_MODEL, model.text, model, reason))
     variants = [variant for variant in tried if isinstance(variant, _Variant)]
-    if most > EFFECTIVE_OF_FIT and any(_unsure_moves(fit, variant) for variant in variants):
+    unsure = any(_unsure_moves(fit, variant, fit.identified) for variant in variants)
+    if most > EFFECTIVE_OF_FIT and unsure:
         drawn = more_draws(base, drawn, rng, min(EFFECTIVE_WHERE_UNSURE, most))
         fit = fit._replace(weighed=_weighed_draws(fit, base, drawn)[1])
     compared = tuple(
@@ -259,14 +261,15 @@ def _starts_of_law(law: str, posed: Problem, problem: Problem, point: PointFit) 
 class _Fit(NamedTuple):
     """What variants are compared with: the fit `base` of the same rows, and what its draws say of
     each quantity. For each parameter `to_all` has how far all rows move it, in coordinates, and the
-    factor by which they widen it. Moves of `judged` quantities are precise, with `most` effective
-    draws at most.
+    factor by which they widen it. Moves of `identified` quantities are precise, with `most`
+    effective draws at most; of those `given` something else it is said where they are not.
     """
 
     base: FittedVariant
     to_all: Mapping[str, FloatArray]
     weighed: Mapping[str, Weighed]
-    judged: frozenset[str]
+    identified: frozenset[str]
+    given: frozenset[str]
     most: float
 
 
@@ -324,17 +327,17 @@ def _first_look(
 
 
 def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternative:
-    """A variant compared with the fit. There are more draws until each move of a judged quantity is
-    surely above or below the limit, or known well.
+    """A variant compared with the fit. There are more draws until each move of an identified
+    quantity is surely above or below the limit, or known well.
     """
     enough = EFFECTIVE_DRAWS
-    unsure = _unsure_moves(fit, variant)
+    unsure = _unsure_moves(fit, variant, fit.identified)
     while enough < fit.most and any(error > MOVE_ERROR for _, error in unsure.values()):
         enough = min(fit.most, max(MORE_DRAWS, _missing_factor(unsure)) * enough)
         drawn = more_draws(variant.there, variant.drawn, rng, enough)
         values, found = _weighed_draws(fit, variant.there, drawn)
         variant = variant._replace(drawn=drawn, values=values, weighed=found)
-        unsure = _unsure_moves(fit, variant)
+        unsure = _unsure_moves(fit, variant, fit.identified)
     gap = variant.gap
     return Alternative(
         variant.choice,
@@ -346,7 +349,7 @@ def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternat
         gap.error,
         not gap.worse,
         better=gap.better,
-        unsure=unsure,
+        unsure=_unsure_moves(fit, variant, fit.identified | fit.given),
     )
 
 
@@ -360,14 +363,18 @@ def _missing_factor(unsure: Mapping[str, tuple[float, float]]) -> float:
     )
 
 
-def _unsure_moves(fit: _Fit, variant: _Variant) -> dict[str, tuple[float, float]]:
-    """The moves of judged quantities by a variant that may lie on either side of the limit, and
-    their Monte Carlo errors, in sds. No value rests on a variant that fits surely worse.
+def _unsure_moves(
+    fit: _Fit,
+    variant: _Variant,
+    names: frozenset[str],
+) -> dict[str, tuple[float, float]]:
+    """The moves of quantities of these names by a variant that may lie on either side of the limit,
+    and their Monte Carlo errors, in sds. No value rests on a variant that fits surely worse.
     """
     if variant.gap.worse:
         return {}
     unsure = {}
-    for name in sorted(fit.judged & fit.weighed.keys() & variant.weighed.keys()):
+    for name in sorted(names & fit.weighed.keys() & variant.weighed.keys()):
         here = fit.weighed[name]
         there = variant.weighed[name]
         move = moved_by(variant.choice, name, here.summary, there.summary)
