@@ -52,7 +52,8 @@ QUICK = (
 COMMANDS = {
     "ports": [
         "-P -m pytest -q -rs -p no:cacheprovider tests/test_port.py tests/test_port_space.py "
-        "tests/test_port_text.py tests/test_port_range.py"
+        "tests/test_port_text.py tests/test_port_range.py tests/test_port_left_out.py "
+        "tests/test_port_step.py"
     ],
     "engines": ["-P scripts/engines/check.py WORK"],
     "docs": [

@@ -28,27 +28,24 @@ from fitball.data.bundled import datasets_folder
 
 # A command in the text of a page or a message.
 COMMAND = re.compile(r"`(fitball \w[^`]*)`")
-# An option outside of such a command, with its value where it takes one.
-# Facts that only the user knows: their options cannot be filled in.
-FACTS = ("--fps", "--mm-per-px", "--ball-diameter")
-SWITCHES = ("as-read", "point-only", "overwrite", "quick", "full", "json")
-VALUES = (
-    "columns|flip|ignore|pool|noise|fps|mm-per-px|ball-diameter|min-confidence|ball|prior|fix|scene"
-)
+# An option outside of such a command, with what stands behind it.
 OPTION = re.compile(
-    rf"--(?P<switch>{'|'.join(SWITCHES)})\b|--(?P<name>{VALUES})\b"
+    r"(?<![\w-])--(?P<name>[a-z][a-z-]*)"
     r'(?:[ =](?P<value>"[^"]*"|\'[^\']*\'|[^\s,;:()"\']*[=\w][^\s;:()"\']*))?'
 )
+# Facts that only the user knows: their options cannot be filled in.
+FACTS = ("fps", "mm-per-px", "ball-diameter")
 # What stands in a remedy for a value that the user is to fill in.
 PLACEHOLDER = re.compile(r"\b(PARAMETER|COLUMN|NAME|VALUE|FILE\.py|DIR|TABLE|LENGTH)\b")
-# Options that say how a result is shown, or that make a long run short: no remedies.
-SHOWN = ("full", "json", "overwrite")
+# Options of all verbs that say where a result goes or how it is shown: no remedies.
+SHOWN = ("full", "json", "overwrite", "out", "quiet", "help")
 # Exit code of what is refused; of words that are no command here.
 REFUSED, NO_COMMAND = 2, 3
 # Fewest models of a comparison, and how long a run is made short.
 SHORT = {
     "calibrate": ("--point-only", "--figures", "none"),
     "compare": ("--models", "brody,grip-slip", "--figures", "none"),
+    "batch": ("--point-only", "--figures", "none"),
     "check": (),
     "track": ("--figures", "none"),
     "plan": ("--count", "1", "--figures", "none"),
@@ -158,18 +155,31 @@ def remedies_in(sentences: Sequence[str], words: Sequence[str], fit: Path) -> It
             unfilled = PLACEHOLDER.search(text)
             yield Remedy(tuple(command), sentence, unfilled[0] if unfilled else "")
         for match in OPTION.finditer(COMMAND.sub("", sentence)):
-            if match["switch"]:
-                if match["switch"] not in SHOWN:
-                    yield Remedy((*words, f"--{match['switch']}"), sentence)
-                continue
-            name, value = f"--{match['name']}", (match["value"] or "").strip("\"'")
-            unfilled = PLACEHOLDER.search(value)
-            if name in FACTS and not re.search(r"[0-9]", value):
-                continue
-            if not value or unfilled:
-                yield Remedy((*words, name), sentence, unfilled[0] if unfilled else name)
-            else:
-                yield Remedy((*without(words, name), name, value), sentence)
+            remedy = option_remedy(match["name"], match["value"] or "", sentence, words)
+            if remedy is not None:
+                yield remedy
+
+
+def option_remedy(name: str, text: str, sentence: str, words: Sequence[str]) -> Remedy | None:
+    """The remedy of an option that a sentence names, with the text behind it, for the command of
+    these `words`. One that the verb does not have is tried too, since that leads nowhere.
+    """
+    if name in SHOWN:
+        return None
+    option = f"--{name}"
+    parameters = cli.parameters_of(cli.VERBS[words[0]])
+    # A trailing underscore keeps a name from being a word of Python, as in `from_`.
+    options = {key.rstrip("_").replace("_", "-"): value for key, value in parameters.items()}
+    parameter = options.get(name)
+    if parameter is None or isinstance(parameter.default, bool):
+        return Remedy((*words, option), sentence)
+    value = text.strip("\"'")
+    unfilled = PLACEHOLDER.search(value)
+    if name in FACTS and not re.search(r"[0-9]", value):
+        return None
+    if not value or unfilled:
+        return Remedy((*words, option), sentence, unfilled[0] if unfilled else option)
+    return Remedy((*without(words, option), option, value), sentence)
 
 
 def without(words: Sequence[str], option: str) -> list[str]:

@@ -61,3 +61,34 @@ def test_commands_and_options_of_a_sentence():
         ("check", "t.csv", "--columns", "v_1=a, b [mph],v_2=c"),
         ("check", "t.csv", "--columns", "v_1=a", "--as-read"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("verb", "sentence", "found"),
+    [
+        # A switch of the verb, whatever stands behind it.
+        ("track", "see what was tracked with --film-only first", ("--film-only",)),
+        ("track", "begin later, as in --from 0.4", ("--from", "0.4")),
+        ("calibrate", "ask for it: --derive court=mu", ("--derive", "court=mu")),
+        # The verb has no such option.
+        ("check", "see what was tracked with --film-only first", ("--film-only",)),
+    ],
+)
+def test_options_are_those_of_the_verb(verb, sentence, found):
+    (remedy,) = remedies.remedies_in([sentence], [verb, "t.csv"], "fit")
+    assert remedy == remedies.Remedy((verb, "t.csv", *found), sentence)
+
+
+def test_where_a_result_goes_and_what_only_the_user_knows_are_no_remedies():
+    sentences = ["replace it with --overwrite, or --out DIR", "state the rate: --fps"]
+    assert list(remedies.remedies_in(sentences, ["track", "t.csv"], "fit")) == []
+
+
+def test_an_option_that_the_verb_does_not_have_does_not_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("v_y1,v_y2\n7,5\n8,6\n")
+    words = ["check", "t.csv"]
+    sentence = "see what was tracked with --film-only first"
+    before = remedies.Outcome(0, (sentence,))
+    (remedy,) = remedies.remedies_in([sentence], words, "fit")
+    assert remedies.helps(remedy, before, words, tmp_path / "again") == (False, False)

@@ -199,7 +199,8 @@ def share_at(travel: float, v_y: float) -> float:
 def answered(v_x1: float, v_y1: float, omega_1: float, share: float, row: Parameters) -> Rebound:
     """The same with the offset times `share`."""
     none = math.nan
-    size = abs(v_x1) + abs(v_y1) + abs(omega_1)
+    # A parameter that is left out would else decide comparisons without being seen.
+    size = abs(v_x1) + abs(v_y1) + abs(omega_1) + abs(sum(row))
     if size < math.inf and v_y1 <= 0.0:
         status = leaving(v_y1) if v_y1 < 0.0 else NO_IMPACT
         return Rebound(v_x1, -v_y1, omega_1, 0.0, 0.0, 0.0, 0.0, 0, status, False)
