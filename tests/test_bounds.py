@@ -35,7 +35,7 @@ def judged(function, x, **choices):
     point = at(problem, reached[0])
     linear = first_order(problem, point)
     bounds = at_bounds(problem, point, linear, ())
-    profiled = profiles(problem, reached)[0]
+    profiled = profiles(problem, reached)
     return bounds, judge(problem, point, linear, profiled, (), bounds)
 
 
@@ -84,7 +84,7 @@ def test_a_profile_about_another_peak_determines_nothing():
     problem = drops_of(line, SPEEDS, REBOUNDS, fix={"v_y_sd": SD})
     reached, _, _ = descend(Objective(problem), np.array([[0.7, 0.0]]), 1e-10)
     point = at(problem, reached[0])
-    profiled = profiles(problem, reached)[0]
+    profiled = profiles(problem, reached)
     best = point.optima[0]
 
     def rule(point, medians=()):

@@ -58,7 +58,7 @@ def test_intervals_of_a_line_are_the_classical_ones(noise, prior):
     fix = {} if noise is None else {"v_y_sd": noise}
     problem = dropped(line, y, prior=prior, fix=fix)
     start = from_values(problem, {"a": 0.5, "b": 0.1})
-    by_name, why = profiles(problem, start)
+    by_name, _, why = profiles(problem, start)
     assert why == ""
     inverse = np.linalg.inv(DESIGN.T @ DESIGN)
     best = inverse @ DESIGN.T @ y
@@ -132,7 +132,7 @@ def test_two_optima_the_highest_counts_wherever_the_search_began(c, sd, starts):
     y = SPEEDS * 0.7 + c * (SPEEDS - 10.0) + noise
     problem = dropped(wells, y, fix={"c": c})
     rows = [{"a": a} for a in starts]
-    by_name, _ = profiles(problem, from_values(problem, *rows))
+    by_name = profiles(problem, from_values(problem, *rows)).by_name
     profile = by_name["a"]
     low, high = profile.interval_95
     assert low < -0.9
@@ -153,7 +153,7 @@ def test_every_profile_has_both_of_two_mirrored_wells():
     problem = dropped(wells, y)
     first = {"a": 1.0, "c": 0.1}
     second = {"a": -1.0, "c": -0.1}
-    by_name, _ = profiles(problem, from_values(problem, first, second))
+    by_name = profiles(problem, from_values(problem, first, second)).by_name
     for name in ("a", "c"):
         low, high = by_name[name].interval_95
         assert low == pytest.approx(-high, rel=0.03)
@@ -179,7 +179,7 @@ def test_along_a_wall_the_profile_is_scipys():
     problem, truth = two_mass(mass_ratio=0.78, seed=3)
     objective = Objective(problem, penalised=False)
     x, _, _ = descend(objective, problem.coordinates(truth)[None])
-    by_name, _ = profiles(problem, x)
+    by_name = profiles(problem, x).by_name
     profile = by_name["mass_ratio"]
     free = list(problem.free)
     k = free.index("mass_ratio")
@@ -221,7 +221,7 @@ def test_along_a_wall_the_profile_is_scipys():
 def test_a_best_value_at_its_bound_is_open_there():
     y = DESIGN @ [0.7, -0.02] + noisy(1)
     problem = dropped(bounded, y)
-    by_name, _ = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1}))
+    by_name = profiles(problem, from_values(problem, {"a": 0.5, "b": 0.1})).by_name
     low, high = by_name["b"].interval_95
     assert low is None
     assert 0.0 < high < 0.02
@@ -232,11 +232,11 @@ def test_a_best_value_at_its_bound_is_open_there():
 
 def test_what_was_measured_beside_the_table_stays():
     without = problem_of(table_of(REBOUND), None, "two-mass")
-    by_name, _ = profiles(without, near(without, 1, 0.0))
+    by_name = profiles(without, near(without, 1, 0.0)).by_name
     assert by_name["k_y"].interval_95 == (None, None)
     scene = scene_of(camera=True, time=True)
     problem = problem_of(table_of(REBOUND), scene, "two-mass")
-    by_name, _ = profiles(problem, near(problem, 1, 0.0))
+    by_name = profiles(problem, near(problem, 1, 0.0)).by_name
     drop_68, drop_95 = likelihood_drops(problem)
     # Eight parameters, of which the contact time shows one; the camera's are stated.
     quantile = stats.t(23).ppf(0.975)
@@ -256,15 +256,15 @@ def test_some_tables_have_none():
     truth = {"a": 0.7, "b": 0.0}
     y = np.tile(DESIGN @ [0.7, -0.02], 50)
     long = dropped(line, y + noisy(1, 350), np.tile(SPEEDS, 50))
-    by_name, _ = profiles(long, from_values(long, truth))
+    by_name = profiles(long, from_values(long, truth)).by_name
     assert by_name == {}
     exact = dropped(line, DESIGN @ [0.7, -0.02])
-    by_name, why = profiles(exact, from_values(exact, truth))
+    by_name, _, why = profiles(exact, from_values(exact, truth))
     assert by_name == {}
     assert "v_y_sd" in why
     short = dropped(line, y[:2], SPEEDS[:2])
     assert likelihood_drops(short) == ()
-    by_name, _ = profiles(short, from_values(short, truth))
+    by_name = profiles(short, from_values(short, truth)).by_name
     assert by_name == {}
 
 
@@ -280,9 +280,9 @@ def test_profiles_by_a_learnt_law_are_those_of_the_exact_likelihood(monkeypatch,
     problem = problem_of(table_of(REBOUND, "corr", count=20), scene_of(), "grip-slip")
     start = best(problem)[None]
     monkeypatch.setattr(profile, "learnt", lambda problem, draws: problem)
-    exact, _ = profiles(problem, start)
+    exact = profiles(problem, start).by_name
     monkeypatch.setattr(profile, "learnt", law)
-    found, _ = profiles(problem, start)
+    found = profiles(problem, start).by_name
     for name, parameter in zip(problem.free, problem.prior.parameters, strict=True):
         ends, expected = (
             np.array([each.interval_68, each.interval_95], dtype=np.float64)

@@ -50,7 +50,7 @@ def verdicts_of(problem, **start):
     """Every verdict of a problem, searched from some values."""
     point, x = fitted(problem, **start)
     linear = first_order(problem, point)
-    profiled = profiles(problem, x)[0]
+    profiled = profiles(problem, x)
     return judge(problem, point, linear, profiled, problem.derived)
 
 
@@ -268,6 +268,7 @@ RANKED = [
     ({"interval": (None, None), "bound": "Its best value lies on a bound."}, "open"),
     ({"interval": (None, 2.0), "contraction": 0.1}, "bounded"),
     ({"bounded": ("mu",), "extrapolated": "far"}, "bounded-part"),
+    ({"bounded": ("mu",), "opposed": True, "interval": (None, 2.0)}, "opposed-parts"),
     (
         {"contraction": 0.19, "within": False, "interval": (1.0, 2.0), "extrapolated": "far"},
         "held-off",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
@@ -21,7 +21,7 @@ from fitball.inference.judgement.assumptions import alternatives, what_values_re
 from fitball.inference.judgement.bounds import AtBounds, at_bounds
 from fitball.inference.judgement.constants import constants
 from fitball.inference.judgement.first_order import FirstOrder, first_order, proposal
-from fitball.inference.judgement.profile import profiles
+from fitball.inference.judgement.profile import Profiled, profiles
 from fitball.inference.judgement.verdict import judge, qualify
 from fitball.inference.judgement.weights import outvoted
 from fitball.inference.modes import (
@@ -95,7 +95,7 @@ def _calibrate(
         first = first_order(problem, point)
         derived = problem.derived
         optima = np.stack([problem.coordinates(values) for values in point.optima])
-        profiled, why = profiles(problem, optima)
+        profiled = profiles(problem, optima)
         tested = adequacy(problem, point, first, derived)
         bounds = at_bounds(problem, point, first, derived)
         draws = draws_of(problem, point, posterior, effort)
@@ -116,14 +116,14 @@ def _calibrate(
         run=run_of(problem, effort),
         status=_status(diagnostics),
         headline=headline(tested, reported, modes),
-        notes=(*problem.table.notices, *problem.notes, *_no_profiles(why), *more),
+        notes=(*problem.table.notices, *problem.notes, *_no_profiles(profiled.why), *more),
         parameters=parameters,
         derived=following,
         point=point,
         least_squares=squares,
         posterior=posterior,
         diagnostics=diagnostics,
-        profiles=profiled,
+        profiles=profiled.by_name,
         adequacy=tested,
         alternatives=tried,
         constants=held,
@@ -137,7 +137,7 @@ def _tried(
     problem: Problem,
     point: schema.PointFit,
     first: FirstOrder,
-    profiled: Mapping[str, schema.Profile],
+    profiled: Profiled,
     bounds: AtBounds,
 ) -> tuple[tuple[schema.Alternative, ...], dict[str, schema.Summary]]:
     """The variants of a fit, and the summaries of the fit itself. Verdicts rest on them: their

@@ -23,6 +23,7 @@ from fitball.inference.curves import curves_frame
 from fitball.inference.derived import Quantity, level_differences, quantity_of
 from fitball.inference.effort import PREDICTION_DRAWS, Effort
 from fitball.inference.forward import Draws
+from fitball.inference.judgement.open_sides import open_sides
 from fitball.inference.judgement.rivals import Rival, rivals
 from fitball.inference.marginal import Marginal
 from fitball.inference.problem.build import build_problem
@@ -376,6 +377,11 @@ class Fitted:
         given = dict.fromkeys(choice for parent in parents for choice in parent.given)
         point = float(quantity.rule(self.draws.best)[0])
         summary = summarise(quantity.rule(self.draws.values), point)
+        reason = f"It has the weakest verdict of {listed(used)}, from which it is computed."
+        sides = open_sides(quantity, parents, self.draws.best)
+        if verdict == "one-sided" and sides >= {"above", "below"}:
+            verdict = "prior-dominated"
+            reason = f"Of {listed(used)} the data limit some on one side, and so it on neither."
         return schema.Estimate(
             **msgspec.structs.asdict(summary),
             name=spec.name,
@@ -387,8 +393,9 @@ class Fitted:
             contraction=np.nan,
             verdict=verdict,
             rule="derived",
-            reason=f"It has the weakest verdict of {listed(used)}, from which it is computed.",
+            reason=reason,
             given=tuple(given),
+            open_side=sides.pop() if verdict == "one-sided" and len(sides) == 1 else "",
         )
 
     @cached_property

@@ -17,9 +17,9 @@ one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -177,20 +177,32 @@ class _Path:
         self.step = step * float(steps_ahead.min()) if self.running else step
 
 
+class Profiled(NamedTuple):
+    """The profiles of the free parameters by name, or none, and then `why` in words.
+
+    `paths` has the best coordinates (points, coordinates) along the profile of each, from its lower
+    end to its upper one, where the likelihood has dropped by less than the 95 % level.
+    """
+
+    by_name: Mapping[str, Profile]
+    paths: Mapping[str, FloatArray]
+    why: str = ""
+
+
 def profiles(
     problem: Problem,
     optima: Annotated[FloatArray, "optima coordinates"],
-) -> tuple[dict[str, Profile], str]:
-    """The profiles of the free parameters by name, searched from the coordinates of optima; or
-    none, and why in words: more than PROFILED_ROWS, or measurements that leave nothing for the
-    noise.
+) -> Profiled:
+    """The profiles of the free parameters, searched from the coordinates of optima; none of more
+    than PROFILED_ROWS, or of measurements that leave nothing for the noise.
     """
     if len(problem.rows.y) > PROFILED_ROWS:
         as_good = f"Above {PROFILED_ROWS} impacts standard errors are as good as profiles"
-        return {}, f"{as_good}, which are left out."
+        return Profiled({}, {}, f"{as_good}, which are left out.")
     levels = likelihood_drops(problem)
     if not levels:
-        return {}, "There are no more measurements than parameters: nothing is left for the noise."
+        why = "There are no more measurements than parameters: nothing is left for the noise."
+        return Profiled({}, {}, why)
     problem = _with_default_widths(problem)
     law = _taught(problem, optima[0])
     starts = optima
@@ -208,13 +220,17 @@ def profiles(
                 maxima.append(x[k])
         if name := _vanishing_noise(problem, x[top]):
             exactly = "The model can reproduce the measurements exactly"
-            return {}, f"{exactly}: {name} goes to its bound."
+            return Profiled({}, {}, f"{exactly}: {name} goes to its bound.")
         paths = _walk_paths(problem, law, lowest, np.array(maxima), levels[1], x[order])
         if isinstance(paths, list):
-            sides = zip(problem.free, paths[::2], paths[1::2], strict=True)
-            return {name: _profile(problem, down, up, levels) for name, down, up in sides}, ""
+            sides = [*zip(problem.free, paths[::2], paths[1::2], strict=True)]
+            return Profiled(
+                {name: _profile(problem, down, up, levels) for name, down, up in sides},
+                {name: _way(down, up, levels[1]) for name, down, up in sides},
+            )
         starts = np.concatenate([paths[None], maxima])
-    return {}, f"After {MOST_RESTARTS} searches, higher maxima of the likelihood still appear."
+    why = f"After {MOST_RESTARTS} searches, higher maxima of the likelihood still appear."
+    return Profiled({}, {}, why)
 
 
 def _taught(problem: Problem, x: FloatArray) -> Problem:
@@ -368,6 +384,15 @@ def _standard_errors(problem: Problem, top: FloatArray) -> FloatArray:
     scaled = curvature[0] * np.outer(width, width) + np.eye(top.size)
     variance = np.diag(np.linalg.inv(scaled))
     return np.asarray(width * np.sqrt(variance))
+
+
+def _way(down: _Path, up: _Path, level: float) -> FloatArray:
+    """The coordinates (points, coordinates) of two paths from the lower end to the upper one, where
+    the drop is less than a level.
+    """
+    x = np.array([*down.x[::-1], *up.x[1:]])
+    cost = np.array([*down.cost[::-1], *up.cost[1:]])
+    return np.asarray(x[cost - cost.min() < level])
 
 
 def _profile(problem: Problem, down: _Path, up: _Path, levels: Sequence[float]) -> Profile:

@@ -20,13 +20,14 @@ from fitball.inference.derived import LAWS, Quantity, anchored
 from fitball.inference.effort import PROFILED_ROWS
 from fitball.inference.judgement.bounds import CONDITIONAL_SHIFT, NO_BOUNDS, AtBounds
 from fitball.inference.judgement.first_order import FirstOrder, gradients
+from fitball.inference.judgement.open_sides import side_with
+from fitball.inference.judgement.profile import Profiled
 from fitball.inference.problem.problem import Problem, base_of
 from fitball.inference.schema import (
     Adequacy,
     Interval,
     Judgement,
     PointFit,
-    Profile,
     Side,
     Verdict,
 )
@@ -41,6 +42,8 @@ LEAST_FREEDOM = 2.0
 RESTING_RATIO = 2.0
 # Share of a derived quantity's variance from which it moves with a parameter: half of it.
 SHARED_VARIANCE = 0.5
+# Width of a central 95 % interval of a normal distribution, in sds.
+WIDTH_IN_SDS = 3.92
 # Change of a rebound, in sds of its noise for an sd of the prior, above which a parameter acts in
 # an impact. Chosen by hand.
 LEAST_EFFECT = 1e-3
@@ -70,7 +73,7 @@ class Evidence(NamedTuple):
     - `freedom`: the degrees of freedom of a noise;
     - `acting`, `extrapolated`: in how many impacts it acts, and how it is extrapolated, in words;
     - `open`, `bounded`: parameters that leave a derived quantity undetermined, or one-sided, and
-      the `side` on which these leave it open.
+      the `side` on which these leave it open; `opposed`: whether they do so on both.
     """
 
     spec: ParameterSpec
@@ -88,6 +91,7 @@ class Evidence(NamedTuple):
     open: tuple[str, ...] = ()
     bounded: tuple[str, ...] = ()
     side: Side = ""
+    opposed: bool = False
 
     @property
     def sides(self) -> tuple[bool, bool]:
@@ -162,6 +166,15 @@ RULES = (
         verdict="prior-dominated",
         holds=lambda seen: bool(seen.open),
         says=lambda seen: f"It depends on {listed(seen.open)}, which the data do not determine.",
+    ),
+    Rule(
+        code="opposed-parts",
+        verdict="prior-dominated",
+        holds=lambda seen: seen.opposed,
+        says=lambda seen: (
+            f"It depends on {listed(seen.bounded)}: the data limit each on one side, and so it on "
+            "neither."
+        ),
     ),
     Rule(
         code="at-bound",
@@ -244,26 +257,26 @@ def judge(
     problem: Problem,
     point: PointFit,
     first: FirstOrder,
-    profiles: Mapping[str, Profile],
+    profiled: Profiled,
     derived: Sequence[Quantity],
     bounds: AtBounds = NO_BOUNDS,
     medians: Mapping[str, float] = NO_MEDIANS,
 ) -> dict[str, Judgement]:
     """The judgement of each quantity by name, if the model is right: of parameters by their
-    profiles, of derived quantities by their gradients in the linearisation. `medians` are those of
-    draws, if there are any.
+    profiles, of derived quantities by their gradients in the linearisation and along the profiles
+    that are open. `medians` are those of draws, if there are any.
     """
     judged = {
         parameter.spec.name: Judgement("fixed", "fixed", f"Held at its value: {parameter.why}.")
         for parameter in problem.parameters
         if parameter.fixed is not None
     }
-    missing = not profiles and len(problem.rows.y) <= PROFILED_ROWS
+    missing = not profiled.by_name and len(problem.rows.y) <= PROFILED_ROWS
     linear = _linear_of(problem, first, derived)
     extrapolated = _extrapolated_laws(problem)
     for k, parameter in enumerate(problem.prior.parameters):
         name = parameter.spec.name
-        profile = profiles.get(name)
+        profile = profiled.by_name.get(name)
         interval = None if profile is None else profile.interval_95
         noise = name in problem.noises
         rests = _assumptions_of(problem, linear, k)
@@ -295,6 +308,7 @@ def judge(
             continue
         shares = zip(problem.free, linear.shares[k], linear.signs[k], strict=True)
         moving = {name: sign for name, share, sign in shares if share > SHARED_VARIANCE}
+        moving |= _carrying(problem, quantity, profiled, linear.sds[k])
         evidence = _evidence_of_derived(quantity, moving, judged, depended)
         rests = _assumptions_of(problem, linear, k)
         for name in moving:
@@ -315,7 +329,8 @@ def _evidence_of_derived(
     """
     parents = {name: judged[name] for name in moving}
     bounded = [name for name, parent in parents.items() if parent.verdict == "one-sided"]
-    sides = {_side_with(parents[name].open_side, moving[name]) for name in bounded}
+    sides = {side_with(parents[name].open_side, moving[name]) for name in bounded}
+    opposed = sides >= {"above", "below"}
     undetermined = [
         name
         for name, parent in parents.items()
@@ -330,7 +345,31 @@ def _evidence_of_derived(
         open=tuple(undetermined),
         bounded=tuple(bounded),
         side=next(iter(sides)) if len(sides) == 1 else "",
+        opposed=opposed,
     )
+
+
+def _carrying(
+    problem: Problem,
+    quantity: Quantity,
+    profiled: Profiled,
+    sd: float,
+) -> dict[str, float]:
+    """The parameters whose open profile carries a derived quantity of this `sd` further than its
+    own 95 % interval is wide, each with the sign of its change from the lower end to the upper one.
+
+    To first order a quantity hardly moves with a friction that few impacts feel at the best values,
+    and that may be anything above them.
+    """
+    found = {}
+    for name, profile in profiled.by_name.items():
+        if None not in profile.interval_95:
+            continue
+        values = quantity.rule(problem.values(profiled.paths[name]))
+        values = values[np.isfinite(values)]
+        if values.size and np.ptp(values) > WIDTH_IN_SDS * sd:
+            found[name] = float(np.sign(values[-1] - values[0]))
+    return found
 
 
 def _holds(interval: Interval | None, value: float) -> bool:
@@ -351,15 +390,6 @@ def _is_elsewhere(
     if _holds(interval, value) and _holds(interval, medians.get(name, value)):
         return False
     return any(_holds(interval, optimum[name]) for optimum in point.optima)
-
-
-def _side_with(side: Side, sign: float) -> Side:
-    """The side on which a quantity is open with a parameter that is open on a `side`, by the sign
-    of their correlation.
-    """
-    if sign >= 0.0 or not side:
-        return side
-    return "below" if side == "above" else "above"
 
 
 def _extrapolated_laws(problem: Problem) -> set[str]:
@@ -412,13 +442,14 @@ class _LinearQuantities(NamedTuple):
     """Free parameters and then derived quantities to first order: their `contraction`
     (quantities,), zero where nothing moves them; the squared correlation with each parameter
     (`shares`, (quantities, coordinates)), and its `signs`; whether the standard error rests on the
-    contact time (`timed`, (quantities,)).
+    contact time (`timed`, (quantities,)); and its sd (`sds`, (quantities,)).
     """
 
     contraction: FloatArray
     shares: FloatArray
     signs: FloatArray
     timed: BoolArray
+    sds: FloatArray
 
 
 def _linear_of(
@@ -437,15 +468,16 @@ def _linear_of(
     together = moves @ factor @ factor.T
     shares = np.minimum(together**2 / product, 1.0)
     signs = np.sign(together)
+    sds = np.sqrt(variance)
     if problem.contact_time is None:
-        return _LinearQuantities(contraction, shares, signs, np.zeros(len(moves), np.bool_))
+        return _LinearQuantities(contraction, shares, signs, np.zeros(len(moves), np.bool_), sds)
     fitted = [problem.free.index(name) for name in first.names]
     along = (moves[:, fitted] * first.sds) @ first.root
     time = first.slopes[first.residual.size] @ first.root
     # The covariance without a row (Sherman and Morrison).
     more = (along @ time) ** 2 / (1.0 - time @ time)
     timed = more > (RESTING_RATIO**2 - 1.0) * np.sum(along**2, axis=1)
-    return _LinearQuantities(contraction, shares, signs, timed)
+    return _LinearQuantities(contraction, shares, signs, timed, sds)
 
 
 def _assumptions_of(problem: Problem, linear: _LinearQuantities, k: int) -> list[str]:
