@@ -124,9 +124,12 @@ PEERS: dict[str, Callable[[], Peer]] = {
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("peers", nargs="*", default=[*PEERS], choices=PEERS)
+    # Without `choices`, to which argparse would hold a list that is the default.
+    parser.add_argument("peers", nargs="*", default=[*PEERS], help=", ".join(PEERS))
     parser.add_argument("--here", action="store_true", help="measure the one peer in this process")
     arguments = parser.parse_args()
+    if unknown := {*arguments.peers} - {*PEERS}:
+        parser.error(f"no peer is {', '.join(sorted(unknown))}: choose from {', '.join(PEERS)}")
     if arguments.here:
         with threads(1):
             print(json.dumps(PEERS[arguments.peers[0]]()))
