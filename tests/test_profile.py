@@ -218,6 +218,36 @@ def test_along_a_wall_the_profile_is_scipys():
     assert low < 0.78 < high
 
 
+def ended(v_x1, v_y1, omega_1, ball, a="uniform(0.5, 2)", b="uniform(0, 2)"):
+    """Drops of one speed show the product alone; there is no answer from b = 0.9 on."""
+    return v_x1, np.where(b < 0.9, a * b * v_y1, np.nan), omega_1
+
+
+def test_along_a_ridge_profiles_go_to_the_end_of_the_model():
+    speeds = np.full(7, 10.0)
+    y = speeds * 0.7 + 2.0 * noisy(1)
+    problem = dropped(ended, y, speeds)
+    by_name, _ = profiles(problem, from_values(problem, {"a": 1.0, "b": 0.7}))
+    highest = by_name["b"].values[-1]
+    assert by_name["b"].interval_95[1] is None
+    assert 0.9 - 0.01 * (0.9 - 0.7) < highest < 0.9
+    assert by_name["b"].drop[-1] == pytest.approx(0.0, abs=2e-3)
+
+    def crossing(other):
+        """Where the drop with the other parameter at its end is that of the 95 % level."""
+        least = np.sum((y - y.mean()) ** 2)
+        drop = likelihood_drops(problem)[1]
+        off = np.sqrt(least * np.expm1(drop / 3.5) / 7.0)
+        return (y.mean() - off) / (10.0 * other)
+
+    low, high = by_name["a"].interval_95
+    # Searches creep along the end of the model: within 2 % of the way.
+    assert low == pytest.approx(crossing(0.9), abs=0.02 * (1.0 - 0.77))
+    assert high is None
+    low, _ = by_name["b"].interval_95
+    assert low == pytest.approx(crossing(2.0), rel=2e-3)
+
+
 def test_a_best_value_at_its_bound_is_open_there():
     y = DESIGN @ [0.7, -0.02] + noisy(1)
     problem = dropped(bounded, y)

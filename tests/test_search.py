@@ -447,3 +447,9 @@ def test_a_search_that_gains_goes_on_and_one_that_creeps_ends(monkeypatch):
     evaluated.clear()
     descend(Objective(problem), starts, 1e-4, patience=0)
     assert len(evaluated) < 4
+    # One that would need to gain more than its steps promise ends; one that is there goes on.
+    evaluated.clear()
+    descend(Objective(problem), starts, 1e-4, enough=np.full(6, -1e9))
+    assert len(evaluated) < 4
+    _, there, _ = descend(Objective(problem), starts, 1e-4, enough=np.full(6, np.inf))
+    assert_array_equal(there, cost)
