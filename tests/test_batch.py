@@ -381,6 +381,8 @@ def test_a_row_has_labels_verdicts_and_laboratory_tests(batch_of_courts):
     assert drop["rebound_measured_q025"] < height < drop["rebound_measured_q975"]
     # 131 cm are below the limits of type 2, which begin at 135.
     assert drop["mean_passes"] < 0.05
+    assert drop["mean_verdict"] == "fails"
+    assert "135 to 147 cm" in drop["mean_rule"]
     assert drop["another_passes"] < 0.5
     assert bad["code"] == "memory"
     assert bad.drop(["outcome", "code", "reason"]).isna().all()

@@ -17,6 +17,7 @@ from fitball.report.blocks import Block, Mark, Picture, Section, Table, Text
 from fitball.report.quantities import figure_text
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 # Changes of a quantity on a first screen.
@@ -130,6 +131,11 @@ def control_figure(controls: Sequence[Control]) -> Figure:
     for control, row in zip(controls, range(0, 2 * count, 2), strict=True):
         _draw_values(panels[row, 0], control)
         _draw_ranges(panels[row + 1, 0], control)
+    labelled = dict[str, Artist]()
+    for axes in panels.ravel():
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            labelled.setdefault(label, handle)
+    style.legend_above(figure, [*labelled.values()])
     return figure
 
 
@@ -138,17 +144,23 @@ def _draw_values(axes: Axes, control: Control) -> None:
     chart = control.chart
     factor = control.display_unit.factor
     places = np.arange(chart.values.size)
-    axes.axvspan(-0.5, chart.baseline - 0.5, color=style.FAINT, zorder=0)
-    axes.axhline(factor * chart.centre, color=style.GUIDE_COLOUR, linewidth=0.8)
-    for side in (-1.0, 1.0):
+    axes.axvspan(-0.5, chart.baseline - 0.5, color=style.FAINT, zorder=0, label="baseline")
+    axes.axhline(factor * chart.centre, color=style.GUIDE_COLOUR, linewidth=0.8, label="centre")
+    for side, label in ((-1.0, f"limits, {LIMIT:g} sd"), (1.0, None)):
         limit = factor * (chart.centre + side * LIMIT * chart.sd)
-        axes.axhline(limit, color=style.GUIDE_COLOUR, linewidth=0.8, linestyle="--")
-    axes.plot(places, factor * chart.ewma, color=style.MODEL_COLOUR, linewidth=1.2)
+        axes.axhline(limit, color=style.GUIDE_COLOUR, linewidth=0.8, linestyle="--", label=label)
+    axes.plot(places, factor * chart.ewma, color=style.MODEL_COLOUR, linewidth=1.2, label="EWMA")
     out = np.zeros(places.size, dtype=np.bool_)
     for change in chart.changes:
         out[change.first : change.last + 1] = True
-    for marked, colour in ((~out, style.MEASURED_COLOUR), (out, style.MOVED_COLOUR)):
-        axes.plot(places[marked], factor * chart.values[marked], "o", color=colour, markersize=3.5)
+    groups = (
+        (~out, style.MEASURED_COLOUR, "table"),
+        (out, style.MOVED_COLOUR, "table out of control"),
+    )
+    for marked, colour, label in groups:
+        if marked.any():
+            values = factor * chart.values[marked]
+            axes.plot(places[marked], values, "o", color=colour, markersize=3.5, label=label)
     title = style.axis_label(figure_text(control.name, 30), control.display_unit)
     axes.set_title(title)
     _style_axes(axes, control, named=False)

@@ -16,6 +16,7 @@ from fitball.base.text import listed, one_line, short
 from fitball.base.values import Figure
 from fitball.batches.batched import Batched
 from fitball.batches.control_page import control_figure, control_lines, control_sections
+from fitball.batches.passing import passing_lines
 from fitball.batches.rows import DONE, ENDS
 from fitball.inference.sampling.importance import RELIABLE_K
 from fitball.report import style
@@ -89,7 +90,14 @@ def report(batch: Batched) -> Report:
     )
     summary: list[Block] = [
         Text(lead, "lead"),
-        Text([*control_lines(batch.control), *(Mark(text, "part") for text in reasons)], "list"),
+        Text(
+            [
+                *passing_lines(batch.tables),
+                *control_lines(batch.control),
+                *(Mark(text, "part") for text in reasons),
+            ],
+            "list",
+        ),
         _population_table(batch),
         Picture("tables", caption),
         Text([note.text for note in batch.notes], "list"),

@@ -15,6 +15,7 @@ from fitball.base.prior_families import Prior
 from fitball.base.priors import ParameterSpec, parse_prior
 from fitball.base.text import column_head
 from fitball.base.values import DataFrame
+from fitball.batches.passing import DIFFER, RULE, VERDICT
 from fitball.inference.effort import Effort
 from fitball.inference.fitted import Fitted
 from fitball.inference.problem.levels import SPREAD_FREEDOM, usual_spread
@@ -28,7 +29,7 @@ from fitball.uses.groups import (
     spread_prior,
 )
 from fitball.uses.hierarchy import LEAST_GROUPS, Group, Hierarchy, hierarchy, measured_group
-from fitball.uses.measured import lab_tests
+from fitball.uses.measured import lab_tests, outcome, rule_of
 
 # The column with the balls of a table that lie apart from the others.
 OUTLYING = "outlying"
@@ -203,8 +204,8 @@ def _value_columns(
 
 
 def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
-    """What was measured in laboratory tests; into the `row` go the category of a court, the chances
-    to pass, and the names of balls that lie apart from the others of their lot.
+    """What was measured in laboratory tests; into the `row` go the category of a court, whether
+    balls pass, and the names of balls that lie apart from the others of their lot.
     """
     tests = lab_tests(fit)
     apart = dict[str, list[str]]()
@@ -219,6 +220,10 @@ def _tested(fit: Fitted, row: dict[str, object]) -> Iterator[_Tested]:
         surface = drop["surface"]
         if drop["kind"] in ("mean", "another") and np.isfinite(drop["passes"]):
             row[_name_on(f"{drop['kind']}_passes", surface)] = drop["passes"]
+            if drop["kind"] == "mean":
+                verdict = outcome(drop["passes"]) if drop["agree"] else DIFFER
+                row[_name_on(VERDICT, surface)] = verdict
+                row[_name_on(RULE, surface)] = rule_of(fit.run.scene)
         if drop["kind"] == "ball" and drop["outlying"]:
             apart.setdefault(_name_on(OUTLYING, surface), []).append(drop["label"])
         if drop["kind"] != "mean":
