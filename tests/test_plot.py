@@ -205,3 +205,27 @@ def test_a_figure_of_one_panel_is_drawn_on_axes_of_the_user():
             fit.plot(name, ax=axes[1])
         assert caught.value.code == "several-panels"
     plt.close(figure)
+
+
+@pytest.mark.parametrize(
+    ("name", "chosen", "labels"),
+    [
+        ("profiles", {"parameters": "mu"}, {"profile, 95 % (open ends: to the edge)"}),
+        ("regimes", {}, {"grip", "slide"}),
+    ],
+)
+def test_on_axes_of_the_user_labels_are_there_and_no_legend_is_drawn(name, chosen, labels):
+    figure, (axes, alone) = plt.subplots(1, 2)
+    axes.plot([0.5], [0.5], label="mine")
+    fit = fit_by_hand()
+    fit.plot(name, ax=axes, **chosen)
+    fit.plot(name, ax=alone, **chosen)
+    assert axes.get_legend() is None
+    assert not figure.legends
+    shown = {text.get_text() for text in axes.legend().get_texts()}
+    assert labels | {"mine"} <= shown
+    # What carries the labels moves no axis.
+    ends = [np.ravel(one.dataLim.get_points()) for one in (axes, alone)]
+    assert np.isfinite(ends).all()
+    assert ends[1][2] <= ends[0][2]
+    plt.close(figure)
