@@ -28,15 +28,17 @@ from fitball.data.bundled import datasets_folder
 
 # A command in the text of a page or a message.
 COMMAND = re.compile(r"`(fitball \w[^`]*)`")
-# An option outside of such a command, with what stands behind it.
+# An option outside of such a command, with what stands behind it; not one to be left out.
 OPTION = re.compile(
-    r"(?<![\w-])--(?P<name>[a-z][a-z-]*)"
+    r"(?<![\w-])(?<!without )(?<!without `)(?<!leave out )--(?P<name>[a-z][a-z-]*)"
     r'(?:[ =](?P<value>"[^"]*"|\'[^\']*\'|[^\s,;:()"\']*[=\w][^\s;:()"\']*))?'
 )
 # Facts that only the user knows: their options cannot be filled in.
 FACTS = ("fps", "mm-per-px", "ball-diameter")
 # What stands in a remedy for a value that the user is to fill in.
 PLACEHOLDER = re.compile(r"\b(PARAMETER|COLUMN|NAME|VALUE|FILE\.py|DIR|TABLE|LENGTH)\b")
+# Tables that `track` writes beside its page.
+OF_FILMS = ("impacts.csv", "positions.csv")
 # Options of all verbs that say where a result goes or how it is shown: no remedies.
 SHOWN = ("full", "json", "overwrite", "out", "quiet", "help")
 # Exit code of what is refused; of words that are no command here.
@@ -150,14 +152,20 @@ def remedies_in(sentences: Sequence[str], words: Sequence[str], fit: Path) -> It
     """
     for sentence in sentences:
         for text in COMMAND.findall(sentence):
-            # A page names its own folder.
-            command = [str(fit) if word == "." else word for word in shlex.split(text)[1:]]
+            command = [of_page(word, fit) for word in shlex.split(text)[1:]]
             unfilled = PLACEHOLDER.search(text)
             yield Remedy(tuple(command), sentence, unfilled[0] if unfilled else "")
         for match in OPTION.finditer(COMMAND.sub("", sentence)):
             remedy = option_remedy(match["name"], match["value"] or "", sentence, words)
             if remedy is not None:
                 yield remedy
+
+
+def of_page(word: str, fit: Path | str) -> str:
+    """A word of a command on a page: the page names its own folder, and files in it."""
+    if word == ".":
+        return str(fit)
+    return str(Path(fit, word)) if word in OF_FILMS else word
 
 
 def option_remedy(name: str, text: str, sentence: str, words: Sequence[str]) -> Remedy | None:
@@ -309,9 +317,9 @@ def main() -> int:
     parser.add_argument("--only", default="")
     parser.add_argument("--verbs", nargs="+", default=["check", "calibrate"])
     arguments = parser.parse_args()
+    folders = [folder.resolve() for folder in arguments.folders] or [datasets_folder()]
     with tempfile.TemporaryDirectory(prefix="fitball-") as name, chdir(name):
         place = Path(name)
-        folders = arguments.folders or [datasets_folder()]
         for folder in folders:
             for file in sorted(folder.iterdir()):
                 if file.suffix in (*ENDINGS, ".toml"):

@@ -80,7 +80,12 @@ def test_options_are_those_of_the_verb(verb, sentence, found):
 
 
 def test_where_a_result_goes_and_what_only_the_user_knows_are_no_remedies():
-    sentences = ["replace it with --overwrite, or --out DIR", "state the rate: --fps"]
+    sentences = [
+        "replace it with --overwrite, or --out DIR",
+        "state the rate: --fps",
+        "the films without `--film-only`",
+        "leave out --sound",
+    ]
     assert list(remedies.remedies_in(sentences, ["track", "t.csv"], "fit")) == []
 
 

@@ -3,6 +3,8 @@ line.
 """
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 
@@ -149,6 +151,11 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     assert len(printed["session"]) == 1
     again = pd.read_csv("fits/clip/track/impacts.csv")
     assert again["v_x1 [m/s]"].tolist() == [row["v_x1 [m/s]"] for row in printed["impacts"]]
+    assert cli.main(["track", "clip.csv", "--figures", "none", "--out", "a b"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    proposed = shlex.split(re.search(r"Next: fitball (calibrate [^;]*);", said)[1])
+    assert proposed == ["calibrate", "a b/impacts.csv"]
+    assert cli.main(["check", *proposed[1:]]) == 0
     # What is stated on the line holds over the scene.
     assert cli.main(["track", "clip.csv", "--fps", "25", "--out", "x"]) == 2
     assert "frames/s" in capsys.readouterr().err

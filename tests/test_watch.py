@@ -169,6 +169,9 @@ def test_the_sound_of_a_film_and_a_recording_give_bounces(tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["track", str(tmp_path / "drops.wav"), "--out", str(out)]) == 0
     assert {"impacts.csv", "bounces.csv", "recording-1.png"} <= {p.name for p in out.iterdir()}
+    # The next command: from here, and from the folder of the page.
+    assert f"fitball calibrate {out}/impacts.csv," in " ".join(capsys.readouterr().out.split())
+    assert "<code>fitball calibrate impacts.csv</code>" in (out / "report.html").read_text("utf-8")
     clip = film_with_sound(tmp_path / "clip.mov", samples)
     heard = fitball.track(clip, sound=True)
     assert np.diff(heard.frames["bounces"]["time [s]"]) == pytest.approx(np.diff(times), abs=3e-4)

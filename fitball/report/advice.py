@@ -22,6 +22,7 @@ from fitball.inference.schema import ResidualTest
 from fitball.models.registry import candidates
 from fitball.models.specs import SPECS
 from fitball.report.frame_rows import frame_rows
+from fitball.report.own_folder import FIT
 
 # Kinds of patterns that another model may describe.
 _OF_MODELS = ("bias", "trend", "group", "parameter", "law", "linked")
@@ -29,8 +30,6 @@ _OF_MODELS = ("bias", "trend", "group", "parameter", "law", "linked")
 _LEAST_COMPARED = 3
 # The option that a pattern names itself.
 _OPTION = re.compile(r" \((--pool [^()]*)\)$")
-# What stands for the folder of a fit in a command.
-FIT = "FIT"
 # Sds from which a shift by an assumption matters.
 _LARGE_SHIFT = 2.0
 

@@ -13,6 +13,7 @@ from fitball.base.numbers import counted
 from fitball.base.text import one_line
 from fitball.base.values import DataFrame, Figure
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.own_folder import FOLDER
 from fitball.report.style import GUIDE_COLOUR, MEASURED_COLOUR, MOVED_COLOUR, new_figure
 from fitball.tracks.film import Filmed
 from fitball.tracks.sounds import Heard
@@ -29,7 +30,7 @@ _BEFORE = 4e-3
 _AFTER = 12e-3
 # Parts of a recording of which the least and the largest sample are drawn.
 _PARTS = 3000
-_NEXT = "Next: `fitball calibrate` of `impacts.csv` in this folder: a row a bounce, with its time."
+_NEXT = f"Next: `fitball calibrate {FOLDER}/impacts.csv`, which has a row a bounce, with its time."
 _PICTURE = (
     "lines are begins of bounces, dotted ones other sudden sounds. Below, begins of bounces "
     "nearer, with a band of two standard errors to either side."

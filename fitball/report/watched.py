@@ -12,6 +12,7 @@ from fitball.base.numbers import counted
 from fitball.base.text import one_line
 from fitball.base.values import Figure
 from fitball.report.blocks import Block, Mark, Picture, Report, Section, Table, Text
+from fitball.report.own_folder import FOLDER
 from fitball.report.strip import draw_strip
 from fitball.tracks.film import Filmed
 from fitball.tracks.watch import Watched
@@ -27,8 +28,8 @@ _STRIP = (
     "the angle, the level line through the court; below, the ball with the circle that was fitted."
 )
 _NEXT = (
-    "Next: look at the pictures; then `fitball track` of `positions.csv` in this folder, or of the "
-    "films without `--film-only`."
+    f"Next: look at the pictures; then `fitball track {FOLDER}/positions.csv`, or of the films "
+    "without `--film-only`."
 )
 
 
