@@ -74,6 +74,13 @@ def test_speeds_of_heights_are_named_as_the_table_has_them():
     speeds = pd.DataFrame({"v_y1": 7.0, "v_y2": 5.0 + 0.01 * np.arange(8)})
     of_speeds = fitball.calibrate(speeds, point_only=True, progress=False)
     assert "height" not in fit_words.quality(of_speeds) + fit_words.data_lines(of_speeds)[0]
+    for name in ("predictive", "residuals"):
+        (of_height,), (of_speed,) = (
+            [axes.get_title("left") + axes.get_ylabel() for axes in one.plot(name).axes[:1]]
+            for one in (fit, of_speeds)
+        )
+        assert "h_2" in of_height
+        assert "h_2" not in of_speed
 
 
 def test_the_first_table_has_medians_intervals_and_verdicts_of_the_frame(fit):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitball.base import air
+from fitball.base.columns import COLUMNS
 from fitball.base.display_units import CM
 from fitball.inference.fitted import Fitted
 
@@ -14,12 +15,25 @@ _SPEED = "v_y2"
 
 def measured_as(fit: Fitted, column: str) -> str:
     """A measured column by its name, after that of the table where it was a height or a time."""
+    measured = _measured(fit, column)
+    return column if measured == column else f"{measured}, as {column}"
+
+
+def symbol_as(fit: Fitted, column: str) -> str:
+    """The symbol of a measured column, with that of a height or a time that it was made from."""
+    measured = _measured(fit, column)
+    symbol = COLUMNS[column].symbol
+    return symbol if measured == column else f"{symbol} of {COLUMNS[measured].symbol}"
+
+
+def _measured(fit: Fitted, column: str) -> str:
+    """The column of the table that a measured column was made from, else that itself."""
     fall = fit.problem.fall
     if column == _SPEED and fall is not None:
         if fall.risen.all():
-            return f"rebound_height, as {column}"
+            return "rebound_height"
         if fall.flown_out.all():
-            return f"flight_time_2, as {column}"
+            return "flight_time_2"
     return column
 
 

@@ -36,6 +36,7 @@ from fitball.report.figures.shared import (
     split_by_series,
     to_one_side,
 )
+from fitball.report.flights import symbol_as
 from fitball.report.frame_rows import frame_rows
 from fitball.report.quantities import column_unit, figure_text, median_or_point
 from fitball.report.style import (
@@ -98,7 +99,7 @@ def draw_curves(fit: Fitted, chosen: Chosen = ALL) -> Figure:
     for axes, column in zip(panels.ravel(), columns, strict=False):
         unit = column_unit(column)
         of_column = measured[measured["column"] == column]
-        axes.set_title(f"{COLUMNS[column].title}  {axis_label(COLUMNS[column].symbol, unit)}")
+        axes.set_title(f"{COLUMNS[column].title}  {axis_label(symbol_as(fit, column), unit)}")
         for k, style in styles.items():
             line = lines[(lines["series"] == k) & (lines["column"] == column)]
             _draw_curve(axes, line, style.line, along.factor, unit.factor)
@@ -188,7 +189,7 @@ def draw_predictive(fit: Fitted, chosen: Chosen = ALL) -> Figure:
         shown = split_by_series(of_column, styles)
         for style, rows in shown:
             draw_dots(axes, predicted[rows], observed[rows], style)
-        axes.set_title(axis_label(COLUMNS[column].symbol, unit))
+        axes.set_title(axis_label(symbol_as(fit, column), unit))
         if has_intervals:
             share = percent(inside / count) if count > MOST_DOTS else f"{inside} of {count}"
             text = f"{share} inside"
@@ -276,7 +277,7 @@ def draw_residuals(fit: Fitted, chosen: Chosen = ALL) -> Figure:
                 axes.plot(*trend, color=MOVED_COLOUR, linewidth=1.8, zorder=4)
                 handles = [Line2D([], [], color=MOVED_COLOUR, label="trend")]
             axes.grid(visible=False)
-        row_panels[0].set_ylabel(COLUMNS[column].symbol, fontsize=points(11))
+        row_panels[0].set_ylabel(symbol_as(fit, column), fontsize=points(11))
     for axes, name in zip(panels[-1], over, strict=True):
         axes.set_xlabel(axis_label(*_OVER[name]))
         few_ticks(axes.xaxis, 3, integers=name == "row")
