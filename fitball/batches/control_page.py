@@ -131,7 +131,7 @@ def control_figure(controls: Sequence[Control]) -> Figure:
     for control, row in zip(controls, range(0, 2 * count, 2), strict=True):
         _draw_values(panels[row, 0], control)
         _draw_ranges(panels[row + 1, 0], control)
-    labelled = dict[str, Artist]()
+    labelled: dict[str, Artist] = {}
     for axes in panels.ravel():
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             labelled.setdefault(label, handle)
