@@ -12,6 +12,8 @@ from fitball.data.table import UNKNOWN_SPIN_SD
 from fitball.inference.problem.build import build_problem
 from fitball.inference.problem.problem import Choices
 from fitball.inference.search.best_fit import best_fit
+from fitball.report import fit_page
+from fitball.report.render import to_text
 
 TRUTH = {"mu": 0.6, "e_x": 0.1, "offset": 0.0, "cor_10": 0.76, "cor_slope": -0.012}
 
@@ -88,6 +90,8 @@ def test_gaps_without_spins_are_fitted_by_a_model_with_a_time_axis():
 def test_predictions_of_a_fit_without_incident_spins_have_unknown_ones_too(measured):
     frame = spinless(UNKNOWN_SPIN_SD, measured=measured)
     fit = fitball.calibrate(frame, model="grip-slip", point_only=True)
+    first_screen = " ".join(to_text(fit_page.report(fit), full=False).split())
+    assert f"0 ± {UNKNOWN_SPIN_SD:.0f} rad/s" in first_screen
     steep = {"v_x1": [8.0], "v_y1": [18.0]}
     unknown = fit.predict(steep).frames["predictions"].set_index("column")
     known = fit.predict({**steep, "omega_1": [0.0]}).frames["predictions"].set_index("column")
