@@ -163,6 +163,18 @@ def test_the_command_line_tracks_a_file(tmp_path, monkeypatch, capsys):
     assert cli.main(["track"]) == 2
 
 
+def test_a_fit_of_a_single_impact_which_would_be_refused_is_not_proposed(tmp_path):
+    rng = np.random.default_rng(9)
+    scene = Scene(camera=CameraSection(fps=500.0, court=0.0))
+    for count in (1, 2):
+        film = fitball.track(filmed(bounces(count, rng), Camera(500), rng), scene=scene)
+        film.save(tmp_path / str(count), figures=False)
+        impacts = tmp_path / str(count) / "impacts.csv"
+        assert len(pd.read_csv(impacts)) == count
+        assert ("fitball calibrate" in film.report()) is (count > 1)
+        assert fitball.check(impacts).exit_code == int(count == 1)
+
+
 def test_the_estimator_is_not_loaded_before_it_is_needed():
     code = (
         "import sys, fitball.cli as cli; cli.make_parser(); sys.exit('fitball.tracks.session' "
