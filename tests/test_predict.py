@@ -3,6 +3,7 @@ refusals.
 """
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -557,3 +558,25 @@ def test_a_fit_of_ones_own_model_needs_its_function(tmp_path):
     predicted = rows_of(result, "v_x2")["point"][0]
     assert predicted == pytest.approx(10.0 * best, rel=1e-12)
     refused("own-model", fitball.predict, folder, impact=impact)
+
+
+def test_shares_inside_and_outside_of_the_range_are_told_apart(fit):
+    """Measured as predicted within the range, and far from it beyond."""
+    states = pd.DataFrame({"v_x1": [14.0, 15.0, 90.0], "v_y1": [8.0, 9.0, 50.0], "omega_1": 0.0})
+    frame = fit.predict(states).frames["predictions"]
+    assert frame.groupby("row")["outside"].first().tolist() == [False, False, True]
+    medians = frame.pivot(index="row", columns="column", values="median")[list(REBOUND)]
+    measured = medians.reset_index(drop=True)
+    measured.loc[2] += 1e-3 * measured.loc[2] + [9.0, 9.0, 900.0]
+    both = fit.predict(pd.concat([states, measured], axis=1))
+    # After the shares of 95 % intervals of all.
+    assert percents_of(both)[2:] == [100, 0]
+    # Where all are inside there is nothing to tell apart.
+    inside = fit.predict(pd.concat([states, measured], axis=1).iloc[:2])
+    assert percents_of(inside) == [95, 100]
+
+
+def percents_of(result):
+    """The percentages in the first sentences of a page of predictions."""
+    words = " ".join(str(line) for line in page.report(result).summary[0].lines)
+    return [int(number) for number in re.findall(r"(\d+) %", words)]
