@@ -157,6 +157,21 @@ def test_the_budget_of_a_court_is_a_monte_carlo_of_the_test():
     assert page.section(fit).blocks[0].rows[0]["result"] == "pace_measured"
 
 
+def test_a_stated_contact_time_is_the_source_of_the_stiffness():
+    """The stiffness is the mass times the square of the frequency, which goes as one over the
+    contact time: its relative error is twice that of the time.
+    """
+    fit = fitball.calibrate("wang_zero_spin", progress=False)
+    frame = budgets(fit).query("result == 'k_y'").set_index("source")
+    row = frame.loc["contact time of the scene"]
+    total = frame.loc["combined"]
+    assert (row["value"], row["uncertainty"]) == (0.005, 0.0005)
+    # Scatter and priors add some per cent to what the time leaves open.
+    assert row["contribution"] == pytest.approx(2.0 * 0.1 * total["value"], rel=0.1)
+    parts = frame["contribution"].drop("combined")
+    assert np.sum(parts**2) == pytest.approx(total["contribution"] ** 2, rel=0.01)
+
+
 def test_a_point_fit_has_no_budget_and_no_section():
     fit = fitball.calibrate("synthetic_drop", point_only=True, progress=False)
     assert budgets(fit).empty
