@@ -22,6 +22,7 @@ from fitball.video.level import tilt_of
 from fitball.video.look import dress
 from fitball.video.marks import Marks, marks_of
 from fitball.video.shape import CLEAR, SEEN, Discs, Fitting
+from fitball.video.shutter import together
 from fitball.video.spots import Spots, spots_of
 from fitball.video.types import Clip, Estimate, Look, Seen, Sightings
 from fitball.video.views import View, course_of, views_of
@@ -170,7 +171,7 @@ def _measured(
         # The radius is known before the look may do as it likes at the rim.
         if not shown or not (fitting.placed_again() if at_rim else fitting.sized()):
             return None, "what moves is no disc of one look: no frame fits"
-    discs = fitting.measured()
+    discs = fitting.measured(_rows_of_flights(chain, frames), marks.angle)
     discs = with_scatter(discs, _rows_of_flights(chain, discs.frames))
     reason = _no_ball(chain, discs, look)
     if reason:
@@ -330,12 +331,10 @@ def _row_time(clip: Clip, balls: Sequence[_Ball], look: Look) -> Estimate:
         return Estimate(0.0, float("inf"))
     rows = clip.height if clip.readout[1] else clip.width
     longest = 1.0 / (clip.camera_rate * rows)
-    values = np.array([ball.discs.row_time for ball in balls])
-    weights = values[:, 1] ** -2.0
-    if weights.sum() < (_SHOWN * longest) ** -2.0:
-        values = np.vstack([values, [_USUAL_READOUT * longest, _READOUT_SD * longest]])
-        weights = values[:, 1] ** -2.0
-    return Estimate(float(np.average(values[:, 0], weights=weights)), float(weights.sum() ** -0.5))
+    shown = together([ball.discs.row_time for ball in balls])
+    if shown.sd < _SHOWN * longest:
+        return shown
+    return together([shown, Estimate(_USUAL_READOUT * longest, _READOUT_SD * longest)])
 
 
 def _sightings(name: str, ball: _Ball, clip: Clip, spots: Spots) -> Sightings:

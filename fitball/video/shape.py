@@ -23,6 +23,7 @@ from fitball.video.disc import (
     turned_light,
 )
 from fitball.video.shared import common_of
+from fitball.video.shutter import Shapes, Shutter, shutter_of
 from fitball.video.types import Clip, Estimate
 from fitball.video.views import Course, View
 
@@ -43,12 +44,6 @@ _NEAR_PX = 1.0
 _MOST_LOST = 2
 # Radii are smoothed over so many frames on each side.
 _SMOOTH = 15
-# Light makes a ball look longer or leaning by so much (sd), always alike.
-_LIGHT_SD = 0.03
-# Errors of shapes last over at most so many frames, while felt and marks turn.
-_LASTING = 12.0
-# Residuals of shapes beyond so many sds count less.
-_HUBER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +68,6 @@ class Discs:
     def radius(self) -> float:
         """The median radius [px]."""
         return float(np.median(self.p[self.quality > SEEN, 2]))
-
-
-def _lasting(pulls: Annotated[FloatArray, "frames"], frames: IntArray) -> float:
-    """By how much an sd is larger since pulls of frames near each other are alike (Newey and West,
-    Econometrica 55 (1987) 703); 1 at least.
-    """
-    apart = np.abs(np.subtract.outer(frames, frames))
-    share = np.maximum(1.0 - apart / _LASTING, 0.0)
-    ratio = float(pulls @ share @ pulls / (pulls @ pulls))
-    return float(max(ratio, 1.0) ** 0.5)
 
 
 class Fitting:
@@ -210,35 +195,31 @@ class Fitting:
             start[EXPOSURE:] = self.shared
             self.fits[k] = self.discs[k].fit(start, PLACE_AND_RADIUS)
 
-    def row_time(self) -> tuple[Estimate, Annotated[FloatArray, "2"]]:
-        """Row time [s/px], and the stretch and lean that light makes. Rows that are read later
-        stretch what moves along them and make lean what moves across: what changes with velocity is
-        the shutter's, what does not is the light's.
+    def shutter(
+        self, flights: Sequence[IntArray], angle: Annotated[FloatArray, "frames"]
+    ) -> Shutter:
+        """The row time, by the shapes of discs. `flights` are the rows of each among all frames,
+        `angle` is how far the ball is turned there [rad, counterclockwise in the picture], NaN
+        where that is not seen.
         """
-        rows = []
         clear = self.clear()
-        for k in clear:
-            fit = self.discs[k].fit(self.fits[k].p, SHAPE)
-            along, across = self._velocity(k)
-            rows.append((along, 1.0, 0.0, fit.p[3], fit.sd[3]))
-            rows.append((across, 0.0, 1.0, fit.p[4], fit.sd[4]))
-        table = np.array(rows)
-        sd = np.maximum(table[:, 4], np.median(table[:, 4]))
-        design = np.vstack([table[:, :3], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
-        right = np.append(table[:, 3], [0.0, 0.0])
-        weight = np.append(1.0 / sd, [1.0 / _LIGHT_SD] * 2)
-        for _ in range(8):
-            found = np.linalg.lstsq(design * weight[:, None], right * weight, rcond=None)[0]
-            off = (right - design @ found)[:-2] / sd
-            scale = max(1.48 * float(np.median(np.abs(off))), 1e-9)
-            weight[:-2] = 1.0 / (sd * scale) / np.sqrt(1.0 + (off / (_HUBER * scale)) ** 2)
-        weighted = design * weight[:, None]
-        inverse = np.linalg.inv(weighted.T @ weighted)
-        pulls = weighted[:-2] * (weight * (right - design @ found))[:-2, None]
-        of_frames = pulls.reshape(len(clear), 2, 3).sum(1)
-        wider = _lasting(of_frames @ inverse[0], np.array(clear))
-        sd_found = float(np.sqrt(inverse[0, 0])) * wider
-        return Estimate(float(found[0]), sd_found), found[1:]
+        rows = np.searchsorted(sorted(self.fits), clear)
+        flight = np.zeros(len(self.fits), int)
+        for number, of_flight in enumerate(flights):
+            flight[of_flight] = number
+        fits = [self.discs[k].fit(self.fits[k].p, SHAPE) for k in clear]
+        # Rows count downwards, or to the right: another sense of turning.
+        sense = 1.0 if self.turned else -1.0
+        shapes = Shapes(
+            radius=self.radius,
+            frames=np.array(clear),
+            flight=flight[rows],
+            velocity=np.array([self._velocity(k) for k in clear]),
+            angle=sense * angle[rows],
+            shape=np.array([fit.p[3:5] for fit in fits]),
+            sd=np.array([fit.sd[3:5] for fit in fits]),
+        )
+        return shutter_of(shapes)
 
     def _velocity(self, k: int) -> tuple[float, float]:
         """Velocity along the readout of rows and across it [px/s]."""
@@ -270,9 +251,11 @@ class Fitting:
             self.fits[k] = again
         return len(self.clear()) >= LEAST_FRAMES
 
-    def measured(self) -> Discs:
-        """The discs of all frames, with what they share."""
-        return self.placed(*self.row_time())
+    def measured(
+        self, flights: Sequence[IntArray], angle: Annotated[FloatArray, "frames"]
+    ) -> Discs:
+        """The discs of all frames, with what they share; `flights` and `angle` as of `shutter`."""
+        return self.placed(self.shutter(flights, angle))
 
     def rough(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Frames, discs (frames, 7) and qualities as they were fitted last."""
@@ -280,7 +263,7 @@ class Fitting:
         fits = [self.fits[k] for k in frames.tolist()]
         return frames, np.array([fit.p for fit in fits]), np.array([fit.quality for fit in fits])
 
-    def placed(self, row_time: Estimate, constant: FloatArray) -> Discs:
+    def placed(self, shutter: Shutter) -> Discs:
         """Places of all frames, with radii smoothed and shapes as the row time makes them."""
         frames = np.array(sorted(self.fits))
         free = np.array([self.fits[k].p[2] for k in frames])
@@ -290,7 +273,7 @@ class Fitting:
             start = self.fits[k].p.copy()
             start[2] = radii[k]
             velocity = np.array(self._velocity(k))
-            start[3:5] = constant + row_time.value * velocity
+            start[3:5] = shutter.light + shutter.row_time.value * velocity
             start[EXPOSURE:] = self.shared
             last.append(self.discs[k].fit(start, PLACE))
         sd = np.array([fit.sd for fit in last])
@@ -304,6 +287,6 @@ class Fitting:
             free,
             float(self.shared[0]),
             float(self.shared[BLUR - EXPOSURE]),
-            row_time,
+            shutter.row_time,
             self.views,
         )
