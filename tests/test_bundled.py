@@ -1,10 +1,12 @@
 """Bundled files: found by name, physically sound, published priors with their sources."""
 
 import os
+import tomllib
 
 import numpy as np
 import pytest
 
+import fitball
 from fitball.base.errors import FolderError, ParameterError
 from fitball.base.priors import ParameterSpec
 from fitball.data.bundled import descriptions, path_of_source, published_prior, published_priors
@@ -105,3 +107,10 @@ def test_every_published_prior_can_be_used():
         middle = prior.quantile(np.array([0.5])).item()
         value = float(row["value"])
         assert 0.5 * value < middle < 1.5 * value
+
+
+def test_the_scene_of_the_bundled_film_states_the_inertia_that_made_it():
+    path = path_of_source("four_throws", "tracks").with_suffix(".toml")
+    stated = tomllib.loads(path.read_text(encoding="utf-8"))["ball"]
+    # `scripts/bundled_film.py` bounces this model.
+    assert stated["inertia_ratio"] == fitball.model("two-mass").ball.inertia_ratio

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from fitball.video import shake
 from fitball.video.bounces import balls_of
 from fitball.video.disc import BLUR, EXPOSURE, PLACE_AND_RADIUS, Disc
 from fitball.video.flights import flights_of
@@ -113,6 +114,26 @@ def test_the_shift_of_a_camera_is_found_beside_a_thing_that_moves() -> None:
     assert steady.known
     moved = 2.0 * steady.shift(scene(1.7, -0.9, 130.0))
     assert moved == pytest.approx([-1.7, 0.9], abs=0.1)
+
+
+def walls(squares: int) -> np.ndarray:
+    """A picture of 8 x 4 squares that vote, so many with structure, the others grey."""
+    side = 2 * shake._SIDE
+    y, x = np.mgrid[: 4 * side, : 8 * side].astype(float)
+    number = 8 * (y // side) + x // side
+    waves = 120.0 + 30.0 * (np.sin(x / 4.0) + np.sin(y / 5.0))
+    # The picture is softened: no structure may reach the next square.
+    inner = (np.abs(y % side - side / 2) < 16) & (np.abs(x % side - side / 2) < 16)
+    return np.where((number < squares) & inner, waves, 120.0).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("squares", "known"), [(11, False), (12, True)])
+def test_a_shake_needs_twelve_squares_with_structure(squares: int, known: bool) -> None:
+    steady = Steadying(walls(squares))
+    assert steady.known == known
+    # Below that number the camera is taken to stand still, and `find_balls` says so.
+    moved = steady.shift(np.roll(walls(squares), 2, axis=1))
+    assert moved.any() == known
 
 
 def ball_picture(x: float, y: float, radius: float, blur: float) -> np.ndarray:
