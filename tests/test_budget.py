@@ -217,6 +217,16 @@ def test_a_workbook_has_the_results_and_the_budget(tmp_path):
     assert {cell.data_type for cell in cells} <= {"s", "n"}
 
 
+def test_a_workbook_of_best_values_has_no_sheet_of_an_empty_budget(tmp_path):
+    frame = pd.DataFrame({"v_y1": 7.0, "v_y2": 5.0 + 0.01 * np.arange(8)})
+    fit = fitball.calibrate(frame, point_only=True, progress=False)
+    assert not len(fit.budget)
+    fit.save(tmp_path / "fit", figures=False, xlsx=True)
+    names = load_workbook(tmp_path / "fit" / "results.xlsx").sheetnames
+    assert "summary" in names
+    assert "budget" not in names
+
+
 def test_a_workbook_is_refused_at_once_where_openpyxl_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(ParameterError) as refused:

@@ -15,7 +15,7 @@ from fitball.batches.control import (
     in_order,
     why_no_chart,
 )
-from fitball.batches.control_page import control_lines
+from fitball.batches.control_page import control_figure, control_lines
 from fitball.batches.many import batch_of
 from fitball.batches.page import figures
 from fitball.batches.rows import TableQuantity, TableRecord
@@ -199,6 +199,9 @@ def test_tables_that_failed_are_left_out_of_a_chart():
     assert len(control.tables) == 28
     assert control.chart.baseline == 20
     assert {"lot 7", "lot 9"}.isdisjoint(control.tables)
+    (key,) = control_figure([control]).legends
+    named = {text.get_text() for text in key.get_texts()}
+    assert {"baseline", "centre", "EWMA", "limits, 3 sd", "table"} <= named
     rows = control_frame([control])
     assert rows["baseline"].sum() == 20
     assert rows["value"].to_numpy() == pytest.approx(np.delete(values, [6, 8]))

@@ -127,7 +127,7 @@ def control_sections(controls: Sequence[Control]) -> list[Section]:
 def control_figure(controls: Sequence[Control]) -> Figure:
     """Two panels a quantity: values with EWMA and limits, and moving ranges."""
     count = len(controls)
-    figure, panels = style.new_figure(2 * count, 1, high=0.9 + 2.6 * count)
+    figure, panels = style.new_figure(2 * count, 1, high=1.4 + 2.6 * count)
     for control, row in zip(controls, range(0, 2 * count, 2), strict=True):
         _draw_values(panels[row, 0], control)
         _draw_ranges(panels[row + 1, 0], control)

@@ -88,7 +88,9 @@ class Fit(Fitted, Result):
 
     @property
     def _sheets(self) -> Mapping[str, DataFrame]:
-        return {**self.frames, "budget": self.budget}
+        # Of best values alone there is none: an empty sheet would look like a fault.
+        budget = self.budget
+        return {**self.frames, "budget": budget} if len(budget) else self.frames
 
     @property
     def exit_code(self) -> int:
