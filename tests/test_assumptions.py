@@ -322,6 +322,30 @@ def test_it_is_said_of_given_values_too_that_a_move_is_at_the_limit(monkeypatch)
         assert {*result.unsure} == {"mu", "e_x"} & {*result.summaries}
 
 
+def test_of_spins_that_nobody_saw_other_sizes_are_tried():
+    table = table_of(REBOUND, count=16)
+    unseen = replace(
+        table,
+        values={name: column for name, column in table.values.items() if name != "omega_1"},
+    )
+    assert "omega_1_sd=300" not in alternatives_of(problem_of(table, scene_of()))
+    tried = alternatives_of(problem_of(unseen, scene_of()))["omega_1_sd=300"]
+    assert tried.instead_of == "omega_1_sd=100"
+    stated = replace(
+        unseen,
+        values={**unseen.values, "omega_1": np.zeros(16)},
+        sd={**unseen.sd, "omega_1": np.full(16, 300.0)},
+    )
+    as_stated = problem_of(stated, scene_of())
+    found = log_posterior(as_stated, as_stated.coordinates(tried.values)[None])[0]
+    _, cost, _ = descend(Objective(as_stated), near(as_stated, 8, 0.5))
+    # Kinks stop searches: within an sd.
+    assert found == pytest.approx(-cost.min(), abs=1.0)
+    of_usual = best_fit(problem_of(unseen, scene_of()), np.random.default_rng(1)).optima[0]
+    usual = log_posterior(as_stated, as_stated.coordinates(of_usual)[None])[0]
+    assert usual < -cost.min() - 2.0
+
+
 def test_what_a_value_is_given():
     def summary(median, sd=1.0):
         return Summary(

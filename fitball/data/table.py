@@ -115,8 +115,8 @@ class ImpactTable:
         along = any(column.tangential or column.formula is not None for column in columns)
         return along and "v_x1" in velocity(self.values, "1")
 
-    def with_unknown_spins(self) -> ImpactTable:
-        """The table with incident spins of 0 ± UNKNOWN_SPIN_SD, where it has none; else as it is. A
+    def with_unknown_spins(self, sd: float = UNKNOWN_SPIN_SD) -> ImpactTable:
+        """The table with incident spins of 0 ± `sd` [rad/s], where it has none; else as it is. A
         spin that is known to be zero is a column of zeros.
 
         Example:
@@ -129,8 +129,8 @@ class ImpactTable:
             return self
         count = len(self)
         values = {"omega_1": np.zeros(count), **self.values}
-        sd = {**self.sd, "omega_1": np.full(count, UNKNOWN_SPIN_SD)}
-        return replace(self, values=values, sd=sd)
+        sds = {**self.sd, "omega_1": np.full(count, sd)}
+        return replace(self, values=values, sd=sds)
 
     def covariance(
         self,

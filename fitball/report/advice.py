@@ -51,12 +51,15 @@ def better_variants(fit: Fitted) -> str:
     if not variants:
         return ""
     best, *others = variants
-    option = f"--model {best.model}"
-    if best.choice.startswith("noise="):
-        option = f"--noise {best.choice.partition('=')[2]}"
+    name, _, option = best.choice.partition("=")
+    if name == "omega_1_sd":
+        command = f"add columns omega_1 = 0 and omega_1_sd = {option} rad/s, or measure spins"
+    elif name == "noise":
+        command = _command(fit, "calibrate", f"--noise {option}")
+    else:
+        command = _command(fit, "calibrate", f"--model {best.model}")
     score = f"{signed(best.score or 0.0)} ± {fixed(best.error, 1)}"
     more = f"; better too: {listed(other.choice for other in others)}" if others else ""
-    command = _command(fit, "calibrate", option)
     return f"Better than this fit is {best.choice} (score {score}): {command}{more}."
 
 

@@ -14,6 +14,7 @@ from fitball.base.errors import FitballError, FitError
 from fitball.base.numbers import fixed
 from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
+from fitball.data.table import UNKNOWN_SPIN_SD
 from fitball.inference.density import log_posterior
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
@@ -85,6 +86,11 @@ SURE_BY_ERRORS = 2.0
 MOVE_ERROR = 0.05
 # What all values rest on where a choice could not be tried.
 UNTRIED_MODEL = "model"
+# Where no incident spin was measured: the sd of spins [rad/s] is a choice too. Strokes of topspin
+# spin three times as fast as the usual sd.
+SPIN_CHOICE = "omega_1_sd"
+OTHER_SPIN_SD = 3.0 * UNKNOWN_SPIN_SD
+OTHER_SPINS = f"{SPIN_CHOICE}={OTHER_SPIN_SD:g}"
 # Where quantities were not judged.
 NONE_JUDGED: Mapping[str, Judgement] = {}
 
@@ -126,9 +132,12 @@ def alternatives(
     # Each has its own random numbers: what is done with one leaves the others as they are.
     streams = rng.spawn(len(changes))
     for (choice, instead_of, choices, changed), stream in zip(changes, streams, strict=True):
+        table = problem.table
+        if choice == OTHER_SPINS:
+            table = table.with_unknown_spins(OTHER_SPIN_SD)
         try:
             posed = build_problem(
-                problem.table,
+                table,
                 problem.scene,
                 choices,
                 changed,
@@ -146,8 +155,9 @@ def alternatives(
             tried.append(_first_look(choice, instead_of, fit, there, stream))
         except FitballError as error:
             tried.append(_untried_alternative(choice, instead_of, changed, str(error)))
-    # A law of restitution says nothing of the motion along the court, the noise nothing of either.
-    if {choice.partition("=")[0] for choice, *_ in changes} <= {LAW_CHOICE, "noise"}:
+    # A law of restitution says nothing of the motion along the court, and the others nothing of the
+    # model.
+    if {choice.partition("=")[0] for choice, *_ in changes} <= {LAW_CHOICE, SPIN_CHOICE, "noise"}:
         reason = "the model has no choices that could be changed"
         tried.append(_untried_alternative(UNTRIED_MODEL, model.text, model, reason))
     variants = [variant for variant in tried if isinstance(variant, _Variant)]
@@ -230,6 +240,8 @@ def _single_changes(problem: Problem) -> Iterator[tuple[str, str, Choices, Model
         if kind != noise.name:
             changed = msgspec.structs.replace(choices, fix=fix, prior=prior, noise=kind)
             yield f"noise={kind}", f"noise={noise.name}", changed, model
+    if model.tangential and "omega_1" not in problem.table.values:
+        yield OTHER_SPINS, f"{SPIN_CHOICE}={UNKNOWN_SPIN_SD:g}", choices, model
 
 
 def search_starts(posed: Problem, point: PointFit) -> FloatArray:
