@@ -201,6 +201,11 @@ def test_nothing_is_better_than_the_truth(tmp_path):
     (words,) = commands_in(sentence)
     assert words[-2:] == ["--noise", "student-t"]
     assert "cor=power" in sentence
+    # Of other spins there is no option: columns say them.
+    spins = structs.replace(better[0], choice="omega_1_sd=300", score=11.0)
+    sentence = advice.better_variants(replace(fit, alternatives=(spins,)))
+    assert not commands_in(sentence)
+    assert "omega_1_sd = 300 rad/s" in sentence
 
 
 def test_a_prior_that_excludes_the_data_is_at_fault():
