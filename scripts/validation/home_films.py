@@ -16,6 +16,7 @@ counts how often 95 % intervals hold, with a ball that rolls (`roll`) and withou
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial
@@ -35,6 +36,8 @@ from fitball.inference.problem.build import problem_from_sources
 
 # `films` made tests importable.
 discs: Any = import_module("support.discs")
+sys.path.insert(0, str(Path(__file__).parents[1]))
+bundled: Any = import_module("bundled_film")
 # Rows of the picture of a phone.
 ROWS = 720
 # Most speed [m/s] of a ball that people throw or hit before a phone.
@@ -49,8 +52,7 @@ class CameraErrors(NamedTuple):
     clock: float = 1e-3
 
 
-# Positions of six rendered films less their truths: rms 0.11 to 0.29 px, correlation of neighbours
-# 0.3 to 0.8 at 240/s, radii -2.8 to 1.9 %, angles 0.011 to 0.02 rad.
+# As rendered films showed it (`detector.py`, its last line).
 NOISE: Any = discs.Noise()
 ERRORS = CameraErrors()
 
@@ -162,16 +164,8 @@ def report_sessions(folder: Path, count: int) -> None:
 
 
 STIFFNESSES = ("k_y", "k_theta")
-# The ball of the thesis.
-BALL: Mapping[str, float] = {
-    "mass_ratio": 0.87,
-    "k_y": 2.0e4,
-    "k_theta": 20.0,
-    "mu": 0.56,
-    "eps_10": 2.4e-3,
-    "eps_slope": 0.0,
-    "cor_10": 0.776,
-    "cor_slope": -0.0158,
+# The ball of the bundled film, and how its rebounds scatter.
+BALL: Mapping[str, float] = bundled.BALL | {
     "v_x_sd": 0.05,
     "v_y_sd": 0.05,
     "spin_sd": 2.0,

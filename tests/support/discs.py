@@ -16,12 +16,12 @@ class Noise(NamedTuple):
     the distance from film to film.
     """
 
-    lasting: float = 0.12
-    frame: float = 0.04
-    time: float = 0.005
-    angle_lasting: float = 0.015
-    angle_frame: float = 0.005
-    radius: float = 0.015
+    lasting: float = 0.065
+    frame: float = 0.067
+    time: float = 0.006
+    angle_lasting: float = 0.009
+    angle_frame: float = 0.0065
+    radius: float = 0.012
     distance: float = 0.01
 
 
