@@ -136,6 +136,25 @@ def test_a_shake_needs_twelve_squares_with_structure(squares: int, known: bool) 
     assert moved.any() == known
 
 
+def test_a_hand_that_leaves_the_picture_is_no_camera_that_moves() -> None:
+    """A plain wall shows nothing but the hand by which a shift could be found."""
+    rng = np.random.default_rng(4)
+    wall = 120.0 + rng.normal(0.0, 1.0, (480, 640))
+    grain = gaussian_filter(rng.normal(0.0, 1.0, (480, 640)), 4.0)
+    first, moved = wall.copy(), wall.copy()
+    hand = (slice(60, 320), slice(200, 640))
+    first[hand] += 400.0 * grain[hand]
+    moved[60:320, 202:640] += 400.0 * grain[60:320, 200:638]
+    steady = Steadying(first.astype(np.uint8))
+    assert steady.known
+    true = steady.shift(moved.astype(np.uint8))
+    assert 2.0 * true == pytest.approx([2.0, 0.0], abs=0.1)
+    assert steady.confirms(moved.astype(np.uint8), true)
+    found = steady.shift(wall.astype(np.uint8))
+    assert np.abs(found).max() > 0.1
+    assert not steady.confirms(wall.astype(np.uint8), found)
+
+
 def ball_picture(x: float, y: float, radius: float, blur: float) -> np.ndarray:
     """Light (60, 60) of a matt ball before a grey wall, lit from the upper left, on a grid five
     times as fine, blurred.

@@ -26,6 +26,9 @@ _MOST_FRAMES = 3.3
 # Radii of both flights differ by less than this factor; their paths meet to within so many radii.
 _SAME_RADIUS = 1.5
 _MEETING = 1.2
+# A bounce turns a ball upwards by at least so many times what it gains between the flights. Errors
+# of their ends make a bounce of the top of one flight, but a slow one.
+_LEAST_TURN = 1.5
 # A ball rises at most so much faster than it fell.
 _MOST_RISE = 1.15
 
@@ -93,6 +96,9 @@ def meets(end: End, start: End, radius: float) -> bool:
     down = end.velocity_at(times[best])
     up = start.velocity_at(times[best])
     if not (down[1] > 0.0 > up[1] and -up[1] < _MOST_RISE * down[1]):
+        return False
+    gained = end.gravity * (start.time - end.time)
+    if down[1] - up[1] < _LEAST_TURN * gained:
         return False
     backwards = down[0] * up[0] < -0.2 * down[1] ** 2
     return bool(not backwards and np.hypot(*apart[best]) < _MEETING * radius + 3.0)

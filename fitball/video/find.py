@@ -43,8 +43,13 @@ _FALL_SDS = 3.0
 _RULER_ERROR = 0.3
 # Fewest frames of a flight whose fall is judged.
 _LEAST_FALLING = 7
-# Colours of a ball differ from frame to frame by so many levels at most (robust sd).
+# Colours of a ball differ from frame to frame by so many levels at most (robust sd), or by this
+# share of what sets it apart from the background: light, reflections and prints that turn.
 _ONE_COLOUR = 6.0
+_COLOUR_SHARE = 0.25
+# The middle of a disc, in radii, whose colour is seen; levels of a picture.
+_MIDDLE = 0.6
+_LEVELS = 256.0
 # The disc of a ball is as large as its spots, within this factor; smaller ones show no disc [px].
 _SAME_BALL = 2.0
 _LEAST_RADIUS = 2.0
@@ -55,6 +60,10 @@ _LONG_FLIGHT = 10
 # Rates that cameras have [1/s], and how near one is guessed.
 _RATES = (24, 25, 30, 50, 60, 100, 120, 240, 480, 960)
 _NEAR_RATE = 0.06
+# Slow motion is played slower than filmed by this factor at least, and shows a ball in more frames
+# than these.
+_LEAST_STRETCH = 1.9
+_LEAST_SLOW = 20
 # All rows are read in this share of the time between frames, with this sd: that of 43 cameras that
 # were measured. A picture shows the row time if the sd of that is below the third share.
 _USUAL_READOUT = 0.8
@@ -95,6 +104,9 @@ def find_balls(clip: Clip, look: Look, progress: Progress) -> Seen:
     flights = flights_of(spots.found, spots.times, look.diameter, look.rolling)
     chains = _rolling(flights, look) if look.rolling else balls_of(flights, look.diameter)
     balls, reasons = [], []
+    slower = "" if look.rolling else _slow_motion(spots, chains, clip, look)
+    if slower:
+        return _seen(clip, look, spots, [], shake, notes, slower)
     for chain in _chosen(chains):
         ball, reason = _measured(clip, look, spots, chain, progress)
         if ball is None:
@@ -142,6 +154,28 @@ def _rolling(flights: Sequence[Flight], look: Look) -> list[Chain]:
         if len(flight.frames) >= _LEAST_ROLLING and abs(fall) < _ROLLING_FALL * gravity:
             chains.append((flight,))
     return sorted(chains, key=lambda chain: -frames_of(chain))
+
+
+def _slow_motion(spots: Spots, chains: Sequence[Chain], clip: Clip, look: Look) -> str:
+    """What a ball says that is followed for long only as slow motion; "" of usual films. Played
+    slowly it hardly falls, and a ball that should fall is lost after a few frames.
+    """
+    if any(np.isfinite(flight.fall()[0]) for chain in chains[:1] for flight in chain):
+        return ""
+    most = frames_of(chains[0]) if chains else _LEAST_SLOW
+    best = 0
+    for rate in (rate for rate in _RATES if rate > _LEAST_STRETCH * clip.camera_rate):
+        times = spots.times * (clip.camera_rate / rate)
+        slow = balls_of(flights_of(spots.found, times, look.diameter), look.diameter)
+        frames = frames_of(slow[0]) if slow else 0
+        if frames > most and any(len(flight.frames) >= _LONG_FLIGHT for flight in slow[0]):
+            most, best = frames, rate
+    if not best:
+        return ""
+    return (
+        f"a ball falls as on earth if this is slow motion, played at {clip.camera_rate:.4g}/s and "
+        f"filmed at {best}/s: pass --fps {best}"
+    )
 
 
 def _measured(
@@ -207,17 +241,25 @@ def _rows_of_flights(chain: Chain, frames: IntArray) -> list[IntArray]:
 def _no_ball(chain: Chain, discs: Discs, look: Look) -> str:
     """Why discs are no ball; "" if they are one."""
     share = float(np.mean(discs.quality > CLEAR))
-    if share < _DISC_SHARE or not _SHARPEST < discs.blur < _SOFTEST:
+    if share < _DISC_SHARE or discs.blur < _SHARPEST:
         return (
             f"what moves is no disc ({100.0 * share:.0f} % of the frames fit, "
             f"edge {discs.blur:.1f} px)"
         )
+    if discs.blur > _SOFTEST:
+        return (
+            f"the edge of what moves is blurred over {discs.blur:.1f} px or more: out of focus, "
+            "or a camera that mixes frames in poor light"
+        )
     radius = _radius_of(chain)
     if not 1.0 / _SAME_BALL < discs.radius / radius < _SAME_BALL or discs.radius < _LEAST_RADIUS:
         return f"what moves is {radius:.0f} px wide to each side, but no disc of that size"
-    spread = _colour_spread(discs)
-    if spread > _ONE_COLOUR:
-        return f"what moves is not of one colour (it changes by {spread:.0f} levels)"
+    change, most = _change_of_colour(discs)
+    if change > most:
+        return (
+            f"what moves is not of one colour (it changes by {change:.0f} levels of 256, "
+            f"{most:.0f} at most)"
+        )
     if look.rolling:
         return ""
     gravity = gravity_px(discs.radius, look.diameter)
@@ -232,23 +274,36 @@ def _no_ball(chain: Chain, discs: Discs, look: Look) -> str:
         if abs(fall - 1.0) > _FALL_SDS * sd + _RULER_ERROR:
             return (
                 f"what moves falls at {GRAVITY * fall:.3g} m/s^2 if it is a ball of "
-                f"{1e3 * look.diameter:.3g} mm"
+                f"{1e3 * look.diameter:.3g} mm (--ball-diameter): film at right angles to its "
+                "flight and level, so that it comes no nearer"
             )
     return ""
 
 
-def _colour_spread(discs: Discs) -> float:
-    """How much the colour of the middle of the disc changes from frame to frame [levels]."""
-    colours = []
+def _colours(discs: Discs) -> tuple[FloatArray, FloatArray]:
+    """Both colour differences (frames, 2) of the middle of the disc and of the background behind
+    it, where it is seen [levels].
+    """
+    own, behind = [], []
     for k, p in zip(discs.frames[discs.quality > SEEN], discs.p[discs.quality > SEEN], strict=True):
         view = discs.views[int(k)]
         rows, columns = view.image.shape[1:]
         y, x = np.mgrid[:rows, :columns]
-        near = np.hypot(x + view.left - p[0], y + view.top - p[1]) < 0.6 * p[2]
+        near = np.hypot(x + view.left - p[0], y + view.top - p[1]) < _MIDDLE * p[2]
         if near.any():
-            colours.append(np.median(view.colours[1:, near], axis=1))
-    off = np.abs(np.array(colours) - np.median(colours, axis=0))
-    return float(1.48 * np.median(off, axis=0).max())
+            own.append(np.median(view.colours[1:, near], axis=1))
+            behind.append(_LEVELS * np.median(view.back[1:, near], axis=1))
+    return np.array(own), np.array(behind)
+
+
+def _change_of_colour(discs: Discs) -> tuple[float, float]:
+    """How much the colour of the ball changes from frame to frame (robust sd), and how much it may
+    [levels].
+    """
+    own, behind = _colours(discs)
+    off = np.median(np.abs(own - np.median(own, axis=0)), axis=0)
+    contrast = np.median(np.hypot(*(own - behind).T))
+    return float(1.48 * off.max()), max(_ONE_COLOUR, _COLOUR_SHARE * float(contrast))
 
 
 def _nothing(flights: Sequence[Flight], clip: Clip, look: Look) -> str:

@@ -38,9 +38,13 @@ _LEAST_FRAMES = 4
 _LEAST_LENGTH = 2.0
 # More threes than these, the best of them, do not begin a path.
 _MOST_SEEDS = 3000
-# A path is cut at a kink if both sides together fit so much better.
+# A path is cut at a kink if both sides together fit so much better, also within so many rows on
+# each side. Squares of the errors of spots [px^2] count as noise.
 _LEAST_KINKED = 12
+_LEAST_SIDE = 5
+_SIDES = (40, 20)
 _KINK_GAIN = 0.25
+_KINK_NOISE = 0.3
 # So many paths, the longest, are looked at: leaves and people in the wind make many.
 _MOST_FLIGHTS = 120
 # Pieces of one flight whose lines are this many times a radius apart are not looked at.
@@ -259,19 +263,38 @@ def _alike(a: FloatArray, b: FloatArray | float, factor: float) -> BoolArray:
 
 
 def _cut(path: Flight) -> Iterator[Flight]:
-    """The path, or both sides of a kink that is too blunt to end it."""
+    """The path, or both sides of a kink that is too blunt to end it. A path over several bounces
+    shows each best in its neighbourhood.
+    """
     n = len(path.frames)
-    if n >= _LEAST_KINKED:
-        whole = _rest(path, slice(0, n))
-        best, cut = min(
-            (_rest(path, slice(0, c)) + _rest(path, slice(c, n)), c) for c in range(5, n - 4)
-        )
-        if best + 0.3 * n < _KINK_GAIN * whole:
+    for side in (n, *_SIDES):
+        cut = _kink(path, side) if n >= _LEAST_KINKED and side <= n else 0
+        if cut:
             for part in (slice(0, cut - 1), slice(cut + 1, n)):
                 if part.stop - part.start >= _LEAST_FRAMES:
                     yield from _cut(_part(path, part))
             return
     yield path
+
+
+def _kink(path: Flight, side: int) -> int:
+    """The row of a path with the worst kink, of so many rows on each side; 0 without one."""
+    rows = range(_LEAST_SIDE, len(path.frames) - _LEAST_SIDE + 1)
+    straight, cut = min((_straightness(path, row, side), row) for row in rows)
+    return cut if straight < 1.0 else 0
+
+
+def _straightness(path: Flight, row: int, side: int) -> float:
+    """How well one parabola goes through so many rows on each side of a row against one through
+    each side; below 1 there is a kink.
+    """
+    start, stop = max(row - side, 0), min(row + side, len(path.frames))
+    noise = _KINK_NOISE * (stop - start)
+    whole = _rest(path, slice(start, stop))
+    if _KINK_GAIN * whole <= noise:
+        return np.inf
+    parts = _rest(path, slice(start, row)) + _rest(path, slice(row, stop))
+    return (parts + noise) / (_KINK_GAIN * whole)
 
 
 def _part(path: Flight, rows: slice) -> Flight:
@@ -333,4 +356,7 @@ def _is_one(a: Flight, b: Flight, diameter: float) -> bool:
     places = np.concatenate([a.spots[-12:, :2], b.spots[:12, :2]])
     t = t - t.mean()
     rest = places - np.stack([np.ones_like(t), t, t * t], 1) @ np.polyfit(t, places, 2)[::-1]
-    return bool(np.sqrt((rest**2).mean()) < _PARABOLA_RADII * radius + _PARABOLA_PX)
+    if np.sqrt((rest**2).mean()) > _PARABOLA_RADII * radius + _PARABOLA_PX:
+        return False
+    whole = _both(a, b)
+    return all(_straightness(whole, len(a.frames), side) >= 1.0 for side in _SIDES)

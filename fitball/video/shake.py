@@ -20,6 +20,9 @@ _LEAST_SQUARES = 12
 # An estimate is repeated at the place found until it moves by less [px], or so many times.
 _CLOSE = 0.05
 _TIMES = 5
+# The camera moved if the shift found brings so large a share of the squares that tell of shifts
+# nearer to the first picture. A hand that leaves takes those with it that saw it.
+_CONFIRMING = 0.67
 
 
 class Steadying:
@@ -44,6 +47,7 @@ class Steadying:
             )
             self.votes.append((rows, inverse))
         self.known = min(len(rows) for rows, _ in self.votes) >= _LEAST_SQUARES
+        self.voting = np.unique(np.concatenate([rows for rows, _ in self.votes]))
 
     def shift(self, picture: Annotated[Plane, "rows columns"]) -> Annotated[FloatArray, "2"]:
         """How far the camera's picture moved (x, y) [px of this picture] against the first one."""
@@ -62,6 +66,20 @@ class Steadying:
                 break
         self.last = total
         return total.copy()
+
+    def confirms(
+        self, picture: Annotated[Plane, "rows columns"], total: Annotated[FloatArray, "2"]
+    ) -> bool:
+        """Whether a shift (x, y) [px of this picture] makes the picture more like the first one in
+        most squares that tell of shifts.
+        """
+        soft = _soft(picture)
+        back = shift(soft, -total[::-1], order=1, mode="nearest")
+        rest = [
+            np.square(squares - squares.mean(1, keepdims=True)).sum(1)
+            for squares in (_squares(there - self.reference)[self.voting] for there in (soft, back))
+        ]
+        return bool(np.mean(rest[1] < rest[0]) > _CONFIRMING)
 
 
 def _soft(picture: Plane) -> FloatArray:

@@ -42,6 +42,8 @@ _ALIKE = 1.6
 _SPARSE = 7
 # Shifts of the camera below this [px of the smaller picture] leave the picture as it is.
 _STILL = 0.1
+# Share of frames whose shift is not that of the background, up to which shifts are known.
+_MOST_UNCONFIRMED = 0.2
 # Frames of which the picture of the page is the median.
 _SHOWN = 15
 
@@ -50,7 +52,7 @@ _SHOWN = 15
 class Spots:
     """What is found in the frames of a clip: of each an array (spots, 4) of x, y, radius across the
     motion [px] and strength. `shifts` (frames, 2) are those of the camera [px], `background` is the
-    median picture, `steady` whether it has structure enough to know shifts.
+    median picture, `known` whether it has structure enough to know shifts; else they are 0.
     """
 
     numbers: IntArray
@@ -79,12 +81,13 @@ def spots_of(clip: Clip, look: Look, progress: Progress) -> Spots:
     found.extend(window.rest())
     background = np.empty_like(shown[0])
     kernels.median(np.array(shown), background)
+    known = window.knows_shifts
     return Spots(
         np.array(numbers),
         clip.filmed(np.array(times)),
         found,
-        np.array(shifts) * window.unit,
-        window.steadying is not None and window.steadying.known,
+        np.array(shifts) * window.unit * known,
+        known,
         background,
     )
 
@@ -114,6 +117,7 @@ class _Window:
         self.added = 0
         self.done = 0
         self.steadying: Steadying | None = None
+        self.unconfirmed = 0
         self.sparse = _sparse(self.shape)
 
     def add(self, frame: Frame) -> Annotated[FloatArray, "2"]:
@@ -122,7 +126,7 @@ class _Window:
         kernels.reduced(np.ascontiguousarray(frame.luma), self.unit, luma)
         if self.steadying is None:
             self.steadying = Steadying(luma)
-        moved = 2.0 * self.steadying.shift(luma)
+        moved = self._moved(self.steadying, luma)
         planes = [luma, *_colours(frame, self.shape)]
         slot = self.frames[self.added % self.slots]
         for plane, out in zip(planes, slot, strict=True):
@@ -132,6 +136,22 @@ class _Window:
                 out[:] = plane.ravel()
         self.added += 1
         return moved
+
+    def _moved(self, steadying: Steadying, luma: Plane) -> Annotated[FloatArray, "2"]:
+        """How far the camera had moved, 0 where that does not lead back to the first picture."""
+        shift = steadying.shift(luma)
+        if 2.0 * np.abs(shift).max() <= _STILL or steadying.confirms(luma, shift):
+            return 2.0 * shift
+        steadying.last = np.zeros(2)
+        self.unconfirmed += 1
+        return np.zeros(2)
+
+    @property
+    def knows_shifts(self) -> bool:
+        """Whether shifts of the camera are those of the background."""
+        if self.steadying is None or not self.steadying.known:
+            return False
+        return self.unconfirmed <= _MOST_UNCONFIRMED * self.added
 
     def ready(self) -> Iterator[FloatArray]:
         """Spots of the frames of which enough later ones are there."""
