@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitball.base.columns import COLUMNS, COMPONENTS, INCIDENT, REBOUND, velocity_columns
+from fitball.base.columns import (
+    COLUMNS,
+    COMPONENTS,
+    INCIDENT,
+    MIRRORED,
+    MIRRORED_DEVIATIONS,
+    REBOUND,
+    velocity_columns,
+)
 
 SCRIPT = Path(__file__).parent / "support" / "ratio_column.py"
 STATE = ["v_x1", "v_y1"]
@@ -59,3 +67,13 @@ def test_velocities_of_an_end_are_its_components_and_what_has_a_formula():
         v_x, v_y = 3.0 * np.cos(2.0), 3.0 * np.sin(2.0)
         assert COLUMNS[f"v_{end}"].formula(v_x, v_y) == pytest.approx(3.0)
         assert COLUMNS[f"theta_{end}"].formula(v_x, v_y) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("name", [name for name in COLUMNS if COLUMNS[name].formula])
+def test_columns_that_the_mirror_image_turns_are_listed(name):
+    formula = COLUMNS[name].formula
+    v_x, v_y = np.array([3.0, 3.1]), np.array([2.0, 2.0])
+    plain, mirrored = formula(v_x, v_y), formula(-v_x, v_y)
+    assert (name in MIRRORED) == bool(np.allclose(mirrored, -plain))
+    turned = bool(np.allclose(np.diff(mirrored), -np.diff(plain)))
+    assert (name in MIRRORED_DEVIATIONS) == turned
