@@ -249,7 +249,7 @@ def _no_ball(chain: Chain, discs: Discs, look: Look) -> str:
     if discs.blur > _SOFTEST:
         return (
             f"the edge of what moves is blurred over {discs.blur:.1f} px or more: out of focus, "
-            "or a camera that mixes frames in poor light"
+            "a camera that mixes frames in poor light, or a shadow on a wall close behind"
         )
     radius = _radius_of(chain)
     if not 1.0 / _SAME_BALL < discs.radius / radius < _SAME_BALL or discs.radius < _LEAST_RADIUS:
