@@ -67,8 +67,9 @@ def test_what_is_given_varies_it_and_the_note_says_how_far_it_moved(folder):
     assert other.run.choices == stored.run.choices
     moved = other.moved_from(stored)
     name = max(moved, key=moved.get)
-    away = abs(other.parameters[name].median - stored.parameters[name].median)
-    larger_sd = max(other.parameters[name].sd, stored.parameters[name].sd)
+    before, after = ({**fit.parameters, **fit.derived}[name] for fit in (stored, other))
+    away = abs(after.median - before.median)
+    larger_sd = max(after.sd, before.sd)
     assert moved[name] == pytest.approx(away / larger_sd)
     assert 0.0 < moved[name] < 0.5
     assert f" {name} " in note_of(other)

@@ -227,7 +227,7 @@ def test_along_a_ridge_profiles_go_to_the_end_of_the_model():
     speeds = np.full(7, 10.0)
     y = speeds * 0.7 + 2.0 * noisy(1)
     problem = dropped(ended, y, speeds)
-    by_name, _ = profiles(problem, from_values(problem, {"a": 1.0, "b": 0.7}))
+    by_name = profiles(problem, from_values(problem, {"a": 1.0, "b": 0.7})).by_name
     highest = by_name["b"].values[-1]
     assert by_name["b"].interval_95[1] is None
     assert 0.9 - 0.01 * (0.9 - 0.7) < highest < 0.9

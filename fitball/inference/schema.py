@@ -261,6 +261,8 @@ class Alternative(Struct, frozen=True):
     impacts), with standard `error`; `as_good` means not surely worse, `better` surely better. Where
     the choice could not be tried, the `reason` says why. `unsure` has quantities whose move lies
     at the limit, for all that draws say: the move and its Monte Carlo error, in sds of the fit.
+    `unsure_given` has the same of quantities that are *given* something else already: for these no
+    draws are added, and none rests on such a move.
     """
 
     choice: str
@@ -274,6 +276,7 @@ class Alternative(Struct, frozen=True):
     reason: str = ""
     better: bool = False
     unsure: Mapping[str, tuple[float, float]] = {}
+    unsure_given: Mapping[str, tuple[float, float]] = {}
 
 
 class Constant(Struct, frozen=True):

@@ -73,12 +73,12 @@ def fitted(table: str, effective: float, number: int) -> Record:
         np.stack([fit.draws.values[name].ravel() for name in problem.free], axis=1)
     )
     reported = {**fit.parameters, **fit.derived}
-    unsure = sorted({name for tried in fit.alternatives for name in tried.unsure})
+    unsure = {name for tried in fit.alternatives for name in {**tried.unsure, **tried.unsure_given}}
     return {
         "quantiles": quantiles(problem, draws),
         "how": fit.diagnostics.in_full if fit.diagnostics else "",
         "verdicts": {name: [each.verdict, *each.given] for name, each in reported.items()},
-        "unsure": unsure,
+        "unsure": sorted(unsure),
         "effective": min(fit.diagnostics.ess_bulk.values()) if fit.diagnostics else 0.0,
     }
 

@@ -64,8 +64,9 @@ NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 # Draws at which the density is compared to see whether a choice acts at all: one that acts at none
 # of them is not tried. How many is chosen by hand.
 PROBE_DRAWS = 20
-# Step of the grid of coordinates from which variants are searched, in widths of the priors.
-GRID = 0.001
+# Step of the grid of coordinates from which variants are searched, in widths of the priors: a hundred
+# times the distance between the ends of searches by several seeds.
+GRID = 0.01
 # Effective draws of an alternative at first. Of a normal distribution they give the median to 0.07
 # sds, and the ends of a 95 % interval to 0.15, twice that by FIRST_ERRORS: most moves are further
 # from the limit.
@@ -132,17 +133,8 @@ def alternatives(
     # Each has its own random numbers: what is done with one leaves the others as they are.
     streams = rng.spawn(len(changes))
     for (choice, instead_of, choices, changed), stream in zip(changes, streams, strict=True):
-        table = problem.table
-        if choice == OTHER_SPINS:
-            table = table.with_unknown_spins(OTHER_SPIN_SD)
         try:
-            posed = build_problem(
-                table,
-                problem.scene,
-                choices,
-                changed,
-                problem.prior_texts,
-            ).on_rows(rows)
+            posed = _posed(problem, choice, choices, changed).on_rows(rows)
             if posed.free == problem.free:
                 changed_density = log_posterior(posed, probes)
                 if np.array_equal(changed_density, density):
@@ -170,6 +162,14 @@ def alternatives(
         for variant in tried
     )
     return compared, {name: here.summary for name, here in fit.weighed.items()}
+
+
+def _posed(problem: Problem, choice: str, choices: Choices, changed: Model) -> Problem:
+    """The problem with one choice changed: all choices and the model are then these."""
+    table = problem.table
+    if choice == OTHER_SPINS:
+        table = table.with_unknown_spins(OTHER_SPIN_SD)
+    return build_problem(table, problem.scene, choices, changed, problem.prior_texts)
 
 
 def _beside_all(
@@ -361,7 +361,8 @@ def _compare(fit: _Fit, variant: _Variant, rng: np.random.Generator) -> Alternat
         gap.error,
         not gap.worse,
         better=gap.better,
-        unsure=_unsure_moves(fit, variant, fit.identified | fit.given),
+        unsure=unsure,
+        unsure_given=_unsure_moves(fit, variant, fit.given),
     )
 
 
