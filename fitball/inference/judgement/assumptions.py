@@ -64,8 +64,8 @@ NEW_PRIOR_QUANTILES = (0.16, 0.5, 0.84)
 # Draws at which the density is compared to see whether a choice acts at all: one that acts at none
 # of them is not tried. How many is chosen by hand.
 PROBE_DRAWS = 20
-# Step of the grid of coordinates from which variants are searched, in widths of the priors: a hundred
-# times the distance between the ends of searches by several seeds.
+# Step of the grid of coordinates from which variants are searched, in widths of the priors.
+# Searches by several seeds end a hundredth of it apart.
 GRID = 0.01
 # Effective draws of an alternative at first. Of a normal distribution they give the median to 0.07
 # sds, and the ends of a 95 % interval to 0.15, twice that by FIRST_ERRORS: most moves are further
