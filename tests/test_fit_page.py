@@ -428,3 +428,6 @@ def test_a_move_at_the_limit_is_said_with_its_error(fit):
     unsure = replace(first, unsure={"mu": (1.98, 0.062)})
     (text,) = fit_words.moves_at_limit(SimpleNamespace(alternatives=(unsure, *others)))
     assert f"{first.choice} moves mu by 1.98 ± 0.06 sd" in text
+    given = replace(first, unsure_given={"e_x": (2.01, 0.1)})
+    (text,) = fit_words.moves_at_limit(SimpleNamespace(alternatives=(given, *others)))
+    assert f"{first.choice} moves e_x by 2.01 ± 0.10 sd" in text

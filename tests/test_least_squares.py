@@ -270,3 +270,17 @@ def test_a_value_that_ends_at_zero_is_on_its_bound():
     # On some machines the last step ends at zero itself.
     assert_within(fit.least_squares.values["mu"], 0.0, 1e-9)
     assert fit.least_squares.stderr["mu"] is None
+
+
+def test_beside_zero_friction_has_ended_though_its_coordinate_is_far_from_an_end():
+    """Where the last step of lmfit ends beside zero is a matter of a machine's digits."""
+    problem = problem_of(table_of(REBOUND), scene_of(), "grip-slip")
+    best = truth_of(problem)
+    parameters = lmfit.Parameters()
+    for name in problem.free:
+        parameters.add(name, value=best[name])
+    for value, ended in ((1e-9, ["mu"]), (1e-3, [])):
+        parameters["mu"].set(value=value, min=0.0)
+        assert search._ended_at_zero(problem, best, parameters, ()) == ended
+    parameters["mu"].set(value=1e-9)
+    assert search._ended_at_zero(problem, best, parameters, {"mu"}) == []

@@ -3,10 +3,7 @@ run: no rebound, and a status that says so.
 """
 
 import itertools
-import json
 import math
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -73,19 +70,9 @@ def test_a_parameter_that_is_not_finite_has_no_rebound(model, language, tmp_path
     assert np.isnan(rebounds[2:][:, REBOUND]).all()
 
 
-@pytest.mark.skipif(not shutil.which("node"), reason="needs node")
 @pytest.mark.parametrize("model", ["wang", "grip-slip"])
 def test_a_parameter_that_an_object_lacks_has_no_rebound(model, tmp_path):
     sets = sets_of(model)
-    (tmp_path / "bounce.js").write_text(port(sets, "javascript"), encoding="utf-8")
-    done = subprocess.run(
-        ["node", "-e", JAVASCRIPT],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    found = json.loads(done.stdout)
+    found = ports.in_node(tmp_path, sets, JAVASCRIPT)
     count = len(ports.module(port(sets, "python")).Parameters._fields)
     assert found == {"whole": 0, "tried": 8 * count, "wrong": []}

@@ -3,7 +3,6 @@ run. The ball stays as it was, and the status says so.
 """
 
 import itertools
-import json
 import math
 import shutil
 import subprocess
@@ -156,17 +155,6 @@ def test_a_number_that_is_not_finite_leaves_the_ball_as_it_was(run, tmp_path):
         assert list(map(str, step.moving)) == list(map(str, map(float, line[:13]))), case
 
 
-@pytest.mark.skipif(not shutil.which("node"), reason="needs node")
 def test_a_number_that_is_left_out_leaves_the_objects_as_they_were(tmp_path):
-    text = port([of_engines.wang_set()], "javascript")
-    (tmp_path / "bounce.js").write_text(text, encoding="utf-8")
-    done = subprocess.run(
-        ["node", "-e", JAVASCRIPT],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    found = json.loads(done.stdout)
+    found = ports.in_node(tmp_path, [of_engines.wang_set()], JAVASCRIPT)
     assert found == {"whole": [0, 1], "tried": 4 * COUNT, "wrong": []}

@@ -28,6 +28,8 @@ _LARGEST_ROUNDING = 1e-6
 # Sd of the normal prior of an incident spin of which nothing was measured [rad/s]: topspin and
 # backspin of Wang's balls, 1,000 a minute.
 UNKNOWN_SPIN_SD = 100.0
+# The column that states it, which names the choice among assumptions.
+SPIN_CHOICE = "omega_1_sd"
 
 
 @dataclass(frozen=True, eq=False)

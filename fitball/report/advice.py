@@ -15,6 +15,7 @@ from pathlib import Path
 from fitball.base.numbers import fixed, signed
 from fitball.base.text import listed
 from fitball.data.bundled import descriptions, path_of_source
+from fitball.data.table import SPIN_CHOICE
 from fitball.inference.fitted import Fitted
 from fitball.inference.judgement.adequacy_words import REMEDIES
 from fitball.inference.problem.problem import base_of
@@ -52,8 +53,8 @@ def better_variants(fit: Fitted) -> str:
         return ""
     best, *others = variants
     name, _, option = best.choice.partition("=")
-    if name == "omega_1_sd":
-        command = f"add columns omega_1 = 0 and omega_1_sd = {option} rad/s, or measure spins"
+    if name == SPIN_CHOICE:
+        command = f"add columns omega_1 = 0 and {SPIN_CHOICE} = {option} rad/s, or measure spins"
     elif name == "noise":
         command = _command(fit, "calibrate", f"--noise {option}")
     else:

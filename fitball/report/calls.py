@@ -7,10 +7,10 @@ import re
 import shlex
 from collections.abc import Sequence
 
+from fitball.report.own_folder import FIT
+
 # A command in HTML: its verb, and what follows.
 _COMMAND = re.compile(r"<code>fitball (calibrate|check|compare|plan) (.*?)</code>")
-# What stands for the folder of a fit.
-_FIT = "FIT"
 # Options that take pairs, each a name with its value, and numbers among these.
 _PAIRS = ("columns", "fix", "prior", "pool", "derive")
 _NUMBERS = ("fix",)
@@ -40,7 +40,7 @@ def call_of(verb: str, words: Sequence[str]) -> str:
         else:
             sources.append(word)
     chosen = [f"{name}={_value(name, ' '.join(values))}" for name, values in options.items()]
-    if sources == [_FIT]:
+    if sources == [FIT]:
         return f"fit.{verb}({', '.join(chosen)})"
     read = repr(sources[0]) if len(sources) == 1 else repr(sources)
     return f"fitball.{verb}({', '.join([read, *chosen])})"

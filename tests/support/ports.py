@@ -3,6 +3,7 @@ to rebounds.
 """
 
 import functools
+import json
 import os
 import shutil
 import subprocess
@@ -182,6 +183,24 @@ def in_python(port_module, lines):
         gaps = (*spatial.gap_path, *spatial.gap_turn)
         rebounds.append([*map(float, flat), *spatial.velocity, *spatial.spin, *gaps])
     return np.array(rebounds)
+
+
+def in_node(folder, sets, script):
+    """What a script prints as JSON, that has the port in JavaScript beside it as `bounce.js`. Skips
+    without Node.
+    """
+    if not shutil.which("node"):
+        pytest.skip("Node is not installed")
+    (folder / "bounce.js").write_text(port(sets, "javascript"), encoding="utf-8")
+    done = subprocess.run(
+        ["node", "-e", script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    return json.loads(done.stdout)
 
 
 def in_godot(folder, text, lines):

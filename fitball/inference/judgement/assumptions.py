@@ -14,7 +14,7 @@ from fitball.base.errors import FitballError, FitError
 from fitball.base.numbers import fixed
 from fitball.base.selection import evenly_spread
 from fitball.base.values import FloatArray
-from fitball.data.table import UNKNOWN_SPIN_SD
+from fitball.data.table import SPIN_CHOICE, UNKNOWN_SPIN_SD
 from fitball.inference.density import log_posterior
 from fitball.inference.effort import ALTERNATIVE_ROWS
 from fitball.inference.judgement.first_order import proposal
@@ -89,7 +89,6 @@ MOVE_ERROR = 0.05
 UNTRIED_MODEL = "model"
 # Where no incident spin was measured: the sd of spins [rad/s] is a choice too. Strokes of topspin
 # spin three times as fast as the usual sd.
-SPIN_CHOICE = "omega_1_sd"
 OTHER_SPIN_SD = 3.0 * UNKNOWN_SPIN_SD
 OTHER_SPINS = f"{SPIN_CHOICE}={OTHER_SPIN_SD:g}"
 # Where quantities were not judged.
