@@ -14,7 +14,7 @@ from fitball.base.errors import (
     ParameterError,
     enough_memory,
 )
-from fitball.base.numbers import Unit, percent, signed
+from fitball.base.numbers import Unit, in_short, percent, signed
 from fitball.base.text import one_line, short, visible
 from fitball.base.values import Ball, impacts
 
@@ -178,3 +178,19 @@ def test_what_is_no_impact_is_refused(wrong):
     with pytest.raises(ParameterError) as caught:
         impacts(*wrong)
     assert caught.value.code == "impacts"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.128, "0.13"),
+        (2.0, "2"),
+        (75.4, "75"),
+        (99.4, "99"),
+        (99.6, "100"),
+        (112.0, "112"),
+        (-12345.6, "-12346"),
+    ],
+)
+def test_a_number_in_short_has_no_exponent(value, text):
+    assert in_short(value) == text
