@@ -5,6 +5,7 @@ import pytest
 from support.near import assert_near, assert_within
 
 import fitball
+from fitball.report.flights import scatter_as
 
 TWICE_G = 2.0 * 9.80665
 # What a drag coefficient of one brakes: rho pi R^2/m [1/m].
@@ -195,3 +196,27 @@ def test_the_air_of_the_scene_is_that_of_the_heights():
     other_drag = {"drag": np.array([0.7])}
     truth = problem.fall.true_states(other_drag, problem.table.impacts)
     assert_near(truth.v_y1[0], landing, 1e-3)
+
+
+def test_what_was_measured_is_named():
+    """Words have the column of the table, keys that of the model."""
+    columns = dropped(0.77, 0.55, noise=0.004)
+    columns["rebound_height"][7] += 0.1
+    fit = fitball.calibrate(columns, point_only=True)
+    [far_off] = [test for test in fit.adequacy.tests if test.kind == "outlier"]
+    assert far_off.column == "v_y2"
+    assert far_off.pattern.startswith("rebound_height:")
+    assert "v_y2" not in fit.adequacy.sentence
+    assert "v_y2" not in fit.report(full=False)
+
+
+def test_a_scatter_is_that_of_heights():
+    """Half of the range of rises at speeds one scatter about the median."""
+    table = dropped(0.77, 0.55, noise=0.004)
+    fit = fitball.calibrate(table, point_only=True)
+    braking = 0.55 * PER_DRAG
+    speed = np.median(np.sqrt(TWICE_G * np.expm1(braking * table["rebound_height"]) / braking))
+    ends = rises(np.array([speed - 0.1, speed + 0.1]), braking)
+    name, size, unit, *_ = scatter_as(fit, "v_y2", 0.1).split()
+    assert (name, unit) == ("rebound_height", "cm")
+    assert_within(float(size), 50.0 * np.ptp(ends), 0.1)

@@ -126,8 +126,8 @@ def adequacy(
         named = [test for test in tests if test.found]
         if answer == "describes":
             named = [test for test in tests if test.p < OBJECTION_CHANCE]
-        text = words.described(answer, named, checks, moved, len(problem.rows.y))
-    sentence = f"{text} {words.noises(checks)}".strip()
+        text = words.described(answer, named, checks, moved, len(problem.rows.y), fit.measured)
+    sentence = f"{text} {words.noises(checks, fit.measured)}".strip()
     return Adequacy(answer, sentence, tests, checks, moved, unseen)
 
 
@@ -164,8 +164,8 @@ def _too_few(problem: Problem, fit: FitResiduals, unseen: Mapping[str, float]) -
     """The sentence that the measurements of blind columns are too few to test the model."""
     measured = np.isfinite(problem.rows.y).sum(axis=0).tolist()
     return words.too_few(
-        {name: share for name, share in unseen.items() if share > BLIND_SHARE},
-        dict(zip(fit.first.columns, measured, strict=True)),
+        {fit.measured(name): share for name, share in unseen.items() if share > BLIND_SHARE},
+        dict(zip(map(fit.measured, fit.first.columns), measured, strict=True)),
         alike=not covariates(fit.problem),
         impacts=len(problem.rows.y),
     )
@@ -192,11 +192,12 @@ def _pattern_tests(fit: FitResiduals) -> Iterator[PatternTest]:
     # A fitted slope of the restitution leaves nearly the same of a bias as of a bend.
     bent = "cor_slope" in map(base_of, first.names)
     for column in first.columns:
+        measured = fit.measured(column)
         for kind, text, shape in shapes:
             if kind == "bias" and column == "v_y2" and bent:
                 text = f"{text}, or a bend over v_y1"
             direction = first.direction(column, fit.sides(column) * shape)
-            yield from tested_pattern(fit, kind, column, f"{column}: {text}", direction, tested)
+            yield from tested_pattern(fit, kind, column, f"{measured}: {text}", direction, tested)
     yield from _parameter_tests(fit, along_rows, groups, tested)
 
 

@@ -1,6 +1,6 @@
 """The sentences and remedies of adequacy; its rules are in `adequacy`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from fitball.base.columns import COLUMNS
 from fitball.base.display_units import PLAIN
@@ -49,11 +49,12 @@ def described(
     noise: Sequence[NoiseCheck],
     moved: Mapping[str, float],
     impacts: int,
+    measured: Callable[[str], str],
 ) -> str:
     """The sentence of an answer, with the patterns of `tests`, and the quantity that they move most
     where that is far. If the model describes the data, these patterns are far below the noise.
     """
-    objections = [f"residuals of {_noise(check)}" for check in noise if check.found]
+    objections = [f"residuals of {_noise(check, measured)}" for check in noise if check.found]
     objections += [f"{test.pattern}{_share(test.explained)}" for test in tests[:NAMED_PATTERNS]]
     if len(tests) > NAMED_PATTERNS:
         objections.append(f"{len(tests) - NAMED_PATTERNS} more")
@@ -102,15 +103,15 @@ def too_few(
     return f"{few} {verb} too few to test the model: {limit}.{more}"
 
 
-def noises(noise: Sequence[NoiseCheck]) -> str:
+def noises(noise: Sequence[NoiseCheck], measured: Callable[[str], str]) -> str:
     """The sentence with the residuals of each column beside the noise stated or expected."""
     if not noise:
         return ""
-    texts = "; ".join(_noise(check) for check in noise)
+    texts = "; ".join(_noise(check, measured) for check in noise)
     return f"Residuals: {texts}."
 
 
-def _noise(check: NoiseCheck) -> str:
+def _noise(check: NoiseCheck, measured: Callable[[str], str]) -> str:
     """The size of a column's residuals beside the noise that was stated or expected."""
     unit = COLUMNS[check.column].display_unit
     size = unit.with_unit(unit.number(check.size, DIGITS_OF_NUMBER))
@@ -118,7 +119,15 @@ def _noise(check: NoiseCheck) -> str:
     kind = "stated" if check.stated else "expected"
     ratio = PLAIN.number(check.size / check.reference, DIGITS_OF_NUMBER)
     beyond = " beyond its stated errors" if check.beyond else ""
-    return f"{check.column} {size}{beyond}, {ratio} × the {kind} {reference}"
+    name = of_size(check.column, measured(check.column))
+    return f"{name} {size}{beyond}, {ratio} × the {kind} {reference}"
+
+
+def of_size(column: str, measured: str) -> str:
+    """What has a size in the unit of a column: that of a height or a time `measured` for it is the
+    speed made from it.
+    """
+    return column if measured == column else f"speed of {measured}"
 
 
 def _share(explained: float) -> str:

@@ -83,7 +83,7 @@ def outlier_tests(fit: FitResiduals) -> Iterator[PatternTest]:
         direction = np.zeros(fit.scaled.size)
         direction[far] = deviations[count - 1]
         ids_far_off = [ids[row] for row in fit.first.rows[far]]
-        text = words.outliers(column, ids_far_off)
+        text = words.outliers(fit.measured(column), ids_far_off)
         yield PatternTest("outlier", column, text, p, direction=direction)
 
 

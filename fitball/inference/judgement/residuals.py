@@ -44,6 +44,11 @@ class FitResiduals(NamedTuple):
         """The values (measurements,) of cells (impacts, columns) that were measured."""
         return np.asarray(cell_values[self.first.rows, self.first.column])
 
+    def measured(self, column: str) -> str:
+        """What was measured for a column: itself, or the height or time that it was made from."""
+        fall = self.problem.fall
+        return column if fall is None else fall.measured(column)
+
     def sides(self, column: str) -> Annotated[FloatArray, "impacts"]:
         """The signs by which deviations in a column are those of balls that fly to one side."""
         side = self.problem.rows.states.side

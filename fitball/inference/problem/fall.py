@@ -50,6 +50,16 @@ class FallModel(NamedTuple):
     flown_in: Annotated[BoolArray, "impacts"]
     flown_out: Annotated[BoolArray, "impacts"]
 
+    def measured(self, column: str) -> str:
+        """The column of the table that a measured column was made from in all rows, else that
+        itself.
+        """
+        if column == "v_y2" and self.risen.all():
+            return "rebound_height"
+        if column == "v_y2" and self.flown_out.all():
+            return "flight_time_2"
+        return column
+
     def take(self, rows: Annotated[IntArray, "chosen"]) -> FallModel:
         """The model of the impacts with these row numbers alone."""
         return FallModel(
