@@ -1,10 +1,12 @@
 """Scatter that is integrated out: its integral by SciPy, its draws, the posterior without it."""
 
+import math
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
-from scipy.stats import kstest
+from scipy.stats import ks_2samp, kstest
 from support.line import line_problem
 
 from fitball.base.priors import ParameterSpec, parse_prior
@@ -80,18 +82,38 @@ def test_integrals_are_those_by_quadrature(text, low, high, count):
     assert nothing == pytest.approx(scatter.log_marginal(np.array([-400.0]))[0], rel=1e-9)
 
 
-@pytest.mark.parametrize(("low", "high"), [(1e-3, 20.0), (0.2, 0.3)])
-def test_draws_have_the_conditional_density(low, high):
-    scatter = integral("lognormal(0.25, 0.7)", low, high, 6)
-    log_squares = 0.4
+@pytest.mark.parametrize("count", [1, 6, 200])
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [
+        ("lognormal(0.25, 0.7)", 1e-3, 20.0),
+        # Draws beside the bounds are refused.
+        ("lognormal(0.25, 0.7)", 0.2, 0.3),
+        # Of a narrow prior draws of the likelihood's gamma density are mostly refused.
+        ("lognormal(0.25, 0.02)", 1e-3, 20.0),
+        ("lognormal(0.25, 3)", 1e-6, 20.0),
+    ],
+)
+def test_draws_have_the_conditional_density(text, low, high, count):
+    scatter = integral(text, low, high, count)
+    log_squares = math.log(count * 0.3**2)
     drawn = scatter.draw(np.full(4000, log_squares), np.random.default_rng(0))
-    s = np.linspace(max(np.log(low), -4.0), min(np.log(high), 2.0), 20_001)
-    density = np.exp(scatter.joint(s, np.array(log_squares)))
+    s = np.linspace(max(np.log(low), -12.0), min(np.log(high), 3.0), 200_001)
+    height = scatter.joint(s, np.array(log_squares))
+    density = np.exp(height - height.max())
     cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     cumulative /= cumulative[-1]
     assert kstest(drawn, lambda x: np.interp(x, s, cumulative)).pvalue > 1e-3
     assert np.log(low) <= drawn.min()
     assert drawn.max() <= np.log(high)
+
+
+def test_draws_without_any_residual_are_those_of_tiny_ones():
+    scatter = integral("lognormal(0.25, 0.7)", 1e-3, 20.0, 6)
+    nothing = scatter.draw(np.full(2000, -np.inf), np.random.default_rng(0))
+    tiny = scatter.draw(np.full(2000, -60.0), np.random.default_rng(1))
+    assert np.isfinite(nothing).all()
+    assert ks_2samp(nothing, tiny).pvalue > 1e-3
 
 
 def test_a_posterior_without_its_scatter_is_the_integral_of_the_whole_one():
