@@ -150,3 +150,18 @@ def test_the_reference_lists_all_codes():
             codes |= {fault.split()[0] for fault in faults}
     assert len(codes) > 30
     assert {code for code in codes if f"`{code}`" not in page} == set()
+
+
+def test_blocks_with_a_name_to_fill_in_are_shown_only():
+    """`scripts/docs.py --run` would run `HOST` or `TABLE` as it is written: a scheduler without
+    end, as in `dask scheduler`.
+    """
+    docs = runpy.run_path(str(ROOT / "scripts" / "docs.py"))
+    faults = [
+        (page.name, block[4])
+        for page in docs["PAGES"]
+        for block in docs["_FENCE"].finditer(page.read_text(encoding="utf-8"))
+        if block[2] == "sh" and block[3].strip() != "show"
+        if re.search(r"\b[A-Z]{3,}\b|\bdask scheduler\b", block[4])
+    ]
+    assert faults == []
