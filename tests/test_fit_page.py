@@ -69,7 +69,7 @@ def test_speeds_of_heights_are_named_as_the_table_has_them():
     assert "rebound_height" in measured
     # The median is 143.5 cm; v dv = g dh, and the air brakes a little of it.
     sd = float(fit.summary["point"]["v_y_sd"])
-    rise = float(re.search(r"\(([\d.]+) cm", fit_words.quality(fit))[1])
+    rise = float(re.search(r"([\d.]+) cm", fit_words.quality(fit))[1])
     assert rise == pytest.approx(100.0 * sd * np.sqrt(2.0 * 1.435 / 9.81), rel=0.1)
     speeds = pd.DataFrame({"v_y1": 7.0, "v_y2": 5.0 + 0.01 * np.arange(8)})
     of_speeds = fitball.calibrate(speeds, point_only=True, progress=False)
